@@ -16,7 +16,7 @@ from bus.requests.pending_request import PendingRequest, Unanswered
 from bus.requests.serving import check_free
 from bus.session.declaration import Declaration
 from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
-from bus.session.file_limit import raise_file_limit
+from bus.session.file_limit import MOST_FILES, raise_file_limit
 from bus.session.known_keys import KnownKeys
 from bus.session.link_use import LinkUse, most_links
 from bus.session.memory import SHAREABLE_BYTES, keep_freed_memory, may_lock
@@ -36,17 +36,21 @@ H = TypeVar("H", bound=_Handle)
 
 
 @asynccontextmanager
-async def open_bus(settings: BusSettings) -> AsyncIterator[Bus]:
+async def open_bus(settings: BusSettings, *, own_process: bool = True) -> AsyncIterator[Bus]:
     """Open the bus; leaving closes it within CLOSE_DEADLINE_S, whatever became of the links.
 
     A client whose router is not there yet waits for it in the background; so do peers and routers.
+
+    own_process: the process is one of the fleet's, so its limit of open files is raised. That of another program is
+    raised only for a router or a peer, whose links are open files; Zenoh (1.10) itself raises it for shared memory.
 
     Raises:
         BusError: an endpoint to listen on is taken or refused, or a file of certificates cannot be used.
 
     """
     keep_freed_memory()
-    bus = ZenohBus(_shareable(settings))
+    files = raise_file_limit() if own_process or settings.mode != "client" else MOST_FILES  # enough for one link
+    bus = ZenohBus(_shareable(settings), most_links(files))
     try:
         await bus.start()
         yield bus
@@ -67,9 +71,9 @@ def _shareable(settings: BusSettings) -> BusSettings:
 class ZenohBus:
     """See `bus.api.Bus`. To be made on a running event loop and closed there."""
 
-    def __init__(self, settings: BusSettings) -> None:
+    def __init__(self, settings: BusSettings, links: int) -> None:
         self._loop = asyncio.get_running_loop()
-        self._session = SessionThread(settings, most_links(raise_file_limit()))
+        self._session = SessionThread(settings, links)
         self._known_keys = KnownKeys(self._session.do) if settings.mode == "client" else None
         self._shared_memory = settings.shared_memory
         self._lanes = Lanes()

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name):  # noqa: ANN001, ANN202
+        if name == "__all__":
+            return import_module("fleetsight.api").__all__
         if name.startswith("_") or name not in (api := import_module("fleetsight.api")).__all__:
             raise AttributeError(f"module 'fleetsight' has no attribute {name!r}")
         return getattr(api, name)

@@ -1,6 +1,7 @@
 """What `fleetsight` offers to programs, all in one place; `import fleetsight` loads it when it is used first."""
 
-from bus import LATEST, QUEUE, BusSettings
+from bus import LATEST, BusSettings
+from fleetsight.arguments import QUEUE
 from fleetsight.connecting import connect
 from fleetsight.errors import (
     AnswerTimeoutError,
@@ -12,6 +13,7 @@ from fleetsight.errors import (
     NoMonitorError,
     NoWorkerError,
     RefusedError,
+    SchemaError,
     SettingsError,
 )
 from fleetsight.fleet import Fleet
@@ -64,6 +66,7 @@ __all__ = [
     "RefusedError",
     "Results",
     "Roster",
+    "SchemaError",
     "SettingsError",
     "Severity",
     "Stream",

@@ -24,7 +24,9 @@ LITTLE_S: Final = 1.0
 """Silence for less time than this says nothing of the worker that was asked."""
 
 
-async def ask_detectors(bus: Bus, image: bytes, timeout_s: float, *, until_s: float | None = None) -> Detections:
+async def ask_detectors(
+    bus: Bus, image: bytes | bytearray, timeout_s: float, *, until_s: float | None = None
+) -> Detections:
     """Ask the detector workers in an order drawn by lot, so that nobody's requests all go to one, until one has time.
 
     While all are busy they are asked again. until_s: when the time is up on the event loop's clock; `timeout_s` from

@@ -8,6 +8,7 @@ from typing import Final
 
 from bus import Bus, BusError, BusSettings, open_bus
 from bus.session.links import why_unreached
+from fleetsight.arguments import number
 from fleetsight.errors import CertificateError, ConnectError, FleetsightError, SettingsError
 from fleetsight.fleet import Fleet
 from fleetsight.settings import settings_of
@@ -35,7 +36,7 @@ async def connect(
     at once, instead of arguments and environment. within_s: seconds to wait for a link.
 
     Raises:
-        SettingsError: an endpoint or a variable that cannot be.
+        SettingsError: an endpoint, a variable or a time that cannot be.
         CertificateError: a file of certificates cannot be used.
         ConnectError: there is no link within `within_s` seconds; the message says why, as far as that is known.
 
@@ -46,11 +47,12 @@ async def connect(
     frozenset({'r1'})
     """
     chosen = _chosen(endpoints, {"tls_ca": tls_ca, "tls_certificate": tls_certificate, "tls_key": tls_key}, settings)
+    within_s = number("within_s", within_s)
     iterations = Iterations()
     async with AsyncExitStack() as stack:
         stack.push_async_callback(iterations.ended)
         try:
-            bus = await stack.enter_async_context(open_bus(chosen))
+            bus = await stack.enter_async_context(open_bus(chosen, own_process=False))
         except BusError as error:
             raise _refusal(error, chosen) from error
         stack.push_async_callback(iterations.end)

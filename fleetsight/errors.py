@@ -3,35 +3,41 @@
 FleetsightError
 ├── SettingsError        an endpoint, a name, a pattern or a number that cannot be
 ├── CertificateError     a file of certificates that cannot be used
-├── ConnectError         no link in time
+├── ConnectError         no link in time, or none at the moment
 ├── ClosedError          the fleet was left, with `async with`, before
 ├── NoWorkerError        no detector worker is there to answer
 ├── NoMonitorError       no monitor is there to answer
 ├── AnswerTimeoutError   no answer in time
 ├── RefusedError         the worker or monitor that was asked answers with an error
-└── MessageError         a message that breaks the contract
+├── MessageError         a message that breaks the contract
+└── SchemaError          a message or a key that cannot be made of what it is given
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Final
 
 from bus import BusClosedError, BusError, NotServedError, RequestTimeoutError
 from bus import RefusedError as RefusedByServer
-from schemas.errors import SchemaError
+from schemas.errors import FleetsightError, SchemaError
 
+__all__ = [
+    "AnswerTimeoutError",
+    "CertificateError",
+    "ClosedError",
+    "ConnectError",
+    "FleetsightError",
+    "MessageError",
+    "NoMonitorError",
+    "NoWorkerError",
+    "RefusedError",
+    "SchemaError",
+    "SettingsError",
+    "no_link",
+    "translated",
+]
 
-class FleetsightError(Exception):
-    """Base of all errors that fleetsight raises on purpose.
-
-    >>> async def main():
-    ...     async with fleetsight.connect("tcp/127.0.0.1:9", within_s=0.3):
-    ...         pass
-    >>> try:
-    ...     asyncio.run(main())
-    ... except fleetsight.FleetsightError as error:
-    ...     print(type(error).__name__)
-    ConnectError
-    """
+LINK_CURE: Final = "wait until `fleet.problem` is empty, and see that the router runs"
 
 
 class SettingsError(FleetsightError):
@@ -43,7 +49,7 @@ class CertificateError(FleetsightError):
 
 
 class ConnectError(FleetsightError):
-    """There was no link in time, or an endpoint to listen on is taken."""
+    """There was no link in time, there is none at the moment, or an endpoint to listen on is taken."""
 
 
 class ClosedError(FleetsightError):
@@ -72,24 +78,44 @@ class MessageError(FleetsightError):
 
 @contextmanager
 def translated(
-    what: str, *, absent: type[FleetsightError] = FleetsightError, cure: str = "", late: str = "give it more time"
+    what: str,
+    *,
+    absent: type[FleetsightError] = FleetsightError,
+    cure: str = "",
+    link_problem: Callable[[], str] = str,
 ) -> Iterator[None]:
     """Raise errors of the bus and of the contract as ours.
 
-    what: is done. absent: the error, and `cure` what helps, where nobody answers. late: what helps where nobody does in
-    time.
+    what: is done. absent: the error, and `cure` the remedy, where nobody answers. link_problem: returns why there is no
+    link, which is then the cause of a missing answer, or an empty text.
     """
     try:
-        yield
+        with _without_link(what, link_problem):
+            yield
     except BusClosedError as error:
         raise ClosedError(f"{what}: the fleet was left before; do it within `async with`") from error
     except NotServedError as error:
         raise absent(f"{what}: {error}; {cure}") from error
     except RequestTimeoutError as error:
-        raise AnswerTimeoutError(f"{what}: {error}; {late}") from error
+        raise AnswerTimeoutError(f"{what}: {error}; give it more time") from error
     except RefusedByServer as error:
         raise RefusedError(f"{what}: {error}") from error
     except BusError as error:
         raise FleetsightError(f"{what}: {error}") from error
     except SchemaError as error:
         raise MessageError(f"{what}: {error}") from error
+
+
+@contextmanager
+def _without_link(what: str, link_problem: Callable[[], str]) -> Iterator[None]:
+    try:
+        yield
+    except (NotServedError, RequestTimeoutError) as error:
+        if problem := link_problem():
+            raise no_link(what, problem) from error
+        raise
+
+
+def no_link(what: str, problem: str) -> ConnectError:
+    """Return the error for something that takes a link while there is none. problem: why."""
+    return ConnectError(f"{what}: {problem}; {LINK_CURE}")

@@ -7,16 +7,16 @@ from pydantic import ValidationError
 
 from bus import MAX_REQUEST_BYTES, MAX_TIMEOUT_S
 from bus.sharing import SharingSettings
+from fleetsight.arguments import check_fields, check_name, names, rate_hz, shown, time_s
 from fleetsight.asking import ask_detectors, ask_inventory
 from fleetsight.errors import NoMonitorError, NoWorkerError, SettingsError, translated
 from fleetsight.listening import Listening
 from fleetsight.own_model import Find, OwnModel
 from fleetsight.own_results import Results, publishing
 from fleetsight.patterns import one_camera
-from schemas import keys
 from schemas.detections import Detections
-from schemas.errors import SchemaError
 from schemas.inventory import InventoryAnswer, InventoryRequest
+from schemas.status import WorkerStatus
 
 
 class Fleet(Listening):
@@ -39,7 +39,7 @@ class Fleet(Listening):
         """Why nobody can be heard now, in words; empty while there is a link."""
         return self._bus.link_problem
 
-    async def detect(self, image: bytes, *, timeout_s: float = 10.0) -> Detections:
+    async def detect(self, image: bytes | bytearray | memoryview, *, timeout_s: float = 10.0) -> Detections:
         """Have one of the fleet's detector workers, any that is not busy, say what is in an image file.
 
         image: the file's content, JPEG, PNG or another format that Pillow reads, of 16 MiB at most.
@@ -48,7 +48,8 @@ class Fleet(Listening):
             NoWorkerError: no worker is there.
             AnswerTimeoutError: one is, but did not answer within `timeout_s` seconds (60 at most).
             RefusedError: it is no image, or all workers were busy all the time.
-            SettingsError: it is too large, or the time is.
+            ConnectError: there is no link.
+            SettingsError: these are no bytes, or too many, or the time is too long.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
@@ -57,14 +58,11 @@ class Fleet(Listening):
         >>> asyncio.run(main())
         ('box', 0.75)
         """
-        _check_time(timeout_s)
-        if len(image) > MAX_REQUEST_BYTES:
-            raise SettingsError(
-                f"an image of {len(image)} bytes: at most {MAX_REQUEST_BYTES} are sent; make it smaller"
-            )
+        timeout_s, file = time_s("timeout_s", timeout_s, most_s=MAX_TIMEOUT_S), _file(image)
         cure = "start one with `fleetsight detector`"
-        with translated("an image for a detector worker", absent=NoWorkerError, cure=cure):
-            return await ask_detectors(self._bus, image, timeout_s)
+        what = "an image for a detector worker"
+        with translated(what, absent=NoWorkerError, cure=cure, link_problem=lambda: self.problem):
+            return await ask_detectors(self._bus, file, timeout_s)
 
     async def inventory(
         self, *, robot: str = "", camera: str = "", name: str = "", in_view: bool = False, timeout_s: float = 5.0
@@ -76,7 +74,8 @@ class Fleet(Listening):
         Raises:
             NoMonitorError: no monitor is there.
             AnswerTimeoutError: no answer within `timeout_s` seconds (60 at most).
-            SettingsError: a name that cannot be.
+            ConnectError: there is no link.
+            SettingsError: a name or a time that cannot be.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
@@ -85,13 +84,14 @@ class Fleet(Listening):
         >>> asyncio.run(main())
         [('box', 2)]
         """
-        _check_time(timeout_s)
+        timeout_s = time_s("timeout_s", timeout_s, most_s=MAX_TIMEOUT_S)
         for what, given in (("robot", robot), ("camera", camera)):
-            if given:
-                _check_name(what, given)
+            if given != "":
+                check_name(what, given)
+        check_fields(InventoryRequest, name=name, in_view=in_view)
         question = InventoryRequest(robot=robot, camera=camera, name=name, in_view=in_view)
         cure = "start one with `fleetsight monitor`"
-        with translated("the inventory", absent=NoMonitorError, cure=cure):
+        with translated("the inventory", absent=NoMonitorError, cure=cure, link_problem=lambda: self.problem):
             return await ask_inventory(self._bus, question, timeout_s)
 
     def results(self, robot: str, camera: str, *, opinion: bool = False) -> AbstractAsyncContextManager[Results]:
@@ -106,7 +106,7 @@ class Fleet(Listening):
         >>> asyncio.run(main())
         False
         """
-        return publishing(self._bus, one_camera(robot, camera), opinion=opinion)
+        return publishing(self._bus, self._iterations, one_camera(robot, camera), opinion=opinion)
 
     async def serve_model(
         self,
@@ -126,12 +126,14 @@ class Fleet(Listening):
 
         find: called for one image at a time; of those that come meanwhile the newest of each camera waits. It must not
         block the event loop: compute with `await asyncio.to_thread(...)`. Its errors end the service and are raised.
-        model: its name, for people. classes: what it can find, for people. robots: work for these alone, before all
-        workers that are for any. opinion: give a second opinion, which nobody counts. most_hz: images a second of each
-        camera that are asked for; all of them unless given. worker: its name; one that nobody has unless given.
+        model: its name, for people. classes: what it can find, for people, 1,000 at most. robots: work for these alone,
+        before all workers that are for any. opinion: give a second opinion, which nobody counts. most_hz: images a
+        second of each camera that are asked for; all of them unless given. worker: its name; one that nobody has unless
+        given.
 
         Raises:
-            SettingsError: a name that cannot be.
+            SettingsError: a name or a rate that cannot be, or one too long for others to read.
+            MessageError: nobody could read what `find` returned.
             ClosedError: the fleet was left before.
 
         >>> async def find(image):
@@ -146,23 +148,28 @@ class Fleet(Listening):
         >>> asyncio.run(main())
         mine
         """
+        most_hz, classes = rate_hz("most_hz", most_hz), names("classes", classes)
+        check_fields(WorkerStatus, model=model, classes=classes)
         given = {} if worker is None else {"worker": worker}
         try:
-            sharing = SharingSettings.model_validate({"robots": list(robots), **given})
+            sharing = SharingSettings.model_validate({"robots": names("robots", robots), **given})
         except ValidationError as error:
             raise SettingsError(error.errors()[0]["msg"].removeprefix("Value error, ")) from error
-        with translated(f"model {model}"):
-            own = OwnModel(self._bus, find, model, sharing, classes=classes, opinion=opinion, most_hz=most_hz)
-            await own.run()
+        await OwnModel(
+            self._bus, self._iterations, find, model, sharing, classes=classes, opinion=opinion, most_hz=most_hz
+        ).run()
 
 
-def _check_time(timeout_s: float) -> None:
-    if not 0 < timeout_s <= MAX_TIMEOUT_S:
-        raise SettingsError(f"a time of {timeout_s:g} s: nobody can be given that; use up to {MAX_TIMEOUT_S:g} s")
+def _file(image: object) -> bytes | bytearray:
+    """Return the bytes of an image file.
 
-
-def _check_name(what: str, name: str) -> None:
-    try:
-        keys.check_name(what, name)
-    except SchemaError as error:
-        raise SettingsError(str(error)) from error
+    Raises:
+        SettingsError: these are none, or too many.
+    """
+    if isinstance(image, memoryview):
+        image = image.tobytes()
+    if not isinstance(image, bytes | bytearray):
+        raise SettingsError(f"image {shown(image)}: these are no bytes; give the content of an image file")
+    if len(image) > MAX_REQUEST_BYTES:
+        raise SettingsError(f"an image of {len(image)} bytes: at most {MAX_REQUEST_BYTES} are sent; make it smaller")
+    return image

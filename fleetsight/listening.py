@@ -1,8 +1,10 @@
 """Listening to the fleet: results, images and presence."""
 
+from collections.abc import Callable
 from typing import Final, TypeVar
 
-from bus import LATEST, QUEUE, Bus, Latest, Queue
+from bus import LATEST, Bus, Latest, Queue
+from fleetsight.arguments import QUEUE, check_keep
 from fleetsight.images import images_of
 from fleetsight.patterns import chunk, one_camera
 from fleetsight.presence import Roster, WorkerName
@@ -18,6 +20,7 @@ from schemas.objects import ObjectClouds
 ALERTS_KEPT: Final = QUEUE(1_000)
 """None replaces another; of more than these the oldest go."""
 
+T = TypeVar("T")
 R = TypeVar("R", ClassList, Detections, Distances, ObjectClouds)
 
 
@@ -99,6 +102,7 @@ class Listening:
         def check(key: str, alert: Alert) -> None:
             codec.check_robot(alert.robot, RobotStreamKey(keys.parse_robot(key), keys.ALERTS))
 
+        check_keep(keep)
         return Stream(self._iterations, "alerts", Alert, lambda: self._bus.subscribe(key, keep), check)
 
     def images(self, robot: str, camera: str, *, keep: Latest | Queue = LATEST) -> Stream[ImageFrame]:
@@ -114,6 +118,7 @@ class Listening:
         (6, 4, 'rgb8', 'raw')
         """
         of = one_camera(robot, camera)
+        check_keep(keep)
 
         def check(_: str, frame: ImageFrame) -> None:
             codec.check_identity(frame.header, of)
@@ -129,7 +134,7 @@ class Listening:
         >>> asyncio.run(main())
         frozenset({'r1'})
         """
-        return Roster(self._iterations, "robots", lambda: self._bus.watch(keys.EVERY_ROBOT_ALIVE), keys.parse_robot)
+        return self._roster("robots", keys.EVERY_ROBOT_ALIVE, keys.parse_robot)
 
     def cameras(self, robot: str = "*", camera: str = "*") -> Roster[CameraKey]:
         """Return which cameras with colour images are there; each has a `robot` and a `camera`.
@@ -142,9 +147,7 @@ class Listening:
         ('r1', 'front', True)
         """
         key = f"fleet/{chunk('robot', robot)}/{chunk('camera', camera)}/{keys.Stream.COLOR}/{keys.ALIVE}"
-        return Roster(
-            self._iterations, "cameras", lambda: self._bus.watch(key), lambda token: keys.parse_stream(token).camera
-        )
+        return self._roster("cameras", key, lambda token: keys.parse_stream(token).camera)
 
     def workers(self, service: str = "*") -> Roster[WorkerName]:
         """Return which workers are there. service: what they do, such as `detector`, `distance` or `cloud`.
@@ -160,13 +163,17 @@ class Listening:
         def named(token: str) -> WorkerName:
             return WorkerName(*worker_keys.parse_worker(token))
 
-        return Roster(self._iterations, "workers", lambda: self._bus.watch(key), named)
+        return self._roster("workers", key, named)
+
+    def _roster(self, what: str, key: str, parse: Callable[[str], T]) -> Roster[T]:
+        return Roster(self._iterations, what, lambda: self._bus.watch(key), parse, lambda: self._bus.link_problem)
 
     def _results(
         self, schema: type[R], stream: keys.Stream, robot: str, camera: str, keep: Latest | Queue
     ) -> Stream[R]:
         key = f"fleet/{chunk('robot', robot)}/{chunk('camera', camera)}/{stream}"
         history = stream is not keys.Stream.OBJECTS
+        check_keep(keep)
 
         def check(key: str, message: R) -> None:
             codec.check_identity(message.header, keys.parse_stream(key).camera)

@@ -16,7 +16,9 @@ from bus.sharing import Sharing, SharingSettings
 from bus.sharing.rate_request import RateRequest
 from bus.sharing.sharing import say_unwanted
 from bus.sharing.tally import Tallies, Tally
-from fleetsight.own_results import Results, publishing
+from fleetsight.errors import FleetsightError, translated
+from fleetsight.own_results import Results, publishing, readable
+from fleetsight.streams import Iterations
 from schemas import codec, worker_keys
 from schemas.consumer_keys import Wanted
 from schemas.detections import Detection, Detections
@@ -42,6 +44,7 @@ class OwnModel:
     def __init__(
         self,
         bus: Bus,
+        iterations: Iterations,
         find: Find,
         model: str,
         sharing: SharingSettings,
@@ -51,6 +54,7 @@ class OwnModel:
         most_hz: float | None = None,
     ) -> None:
         self._bus = bus
+        self._iterations = iterations
         self._find = find
         self._model = model
         self._worker = sharing.worker
@@ -62,10 +66,23 @@ class OwnModel:
         self._images: Inbox[ImageFrame] = Inbox(PerKey(), asyncio.get_running_loop())
         self._served: dict[str, tuple[Results, Tally, Callable[[], None]]] = {}
         self._tallies = Tallies(Tally)
-        self._failure: Exception | None = None
+        self._failure: BaseException | None = None
 
     async def run(self) -> None:
-        """Work until cancelled, then leave the cameras to others. An error in `find` ends it and is raised."""
+        """Work until cancelled, then leave the cameras to others.
+
+        Raises:
+            MessageError: nobody could read what `find` returned.
+            ClosedError: the fleet was left.
+            BaseException: `find` raised it.
+        """
+        with translated(f"model {self._model}"):
+            await self._work()
+        if self._failure is not None:  # raised here, it keeps its own cause
+            raise self._failure
+
+    async def _work(self) -> None:
+        """Work until cancelled, or until there is a failure."""
         sharing = Sharing(self._bus, self._tokens, Stream.COLOR, self._serve)
         status = worker_keys.worker_status(self._service, self._worker)
         try:
@@ -75,14 +92,17 @@ class OwnModel:
                 await sharing.run()
         except BaseExceptionGroup as group:
             if self._failure is not None:
-                raise self._failure from None
+                return
             if group.subgroup(BusClosedError):
                 raise BusClosedError("the bus is closed") from group
             raise
 
     async def _serve(self, camera: CameraKey, took_over: Callable[[], None]) -> None:
         with self._tallies.serving(camera) as tally:
-            async with publishing(self._bus, camera, opinion=self._opinion) as results, asyncio.TaskGroup() as group:
+            async with (
+                publishing(self._bus, self._iterations, camera, opinion=self._opinion) as results,
+                asyncio.TaskGroup() as group,
+            ):
                 self._served[str(camera)] = (results, tally, took_over)
                 group.create_task(say_unwanted(results.demand, took_over))
                 try:
@@ -124,13 +144,28 @@ class OwnModel:
                 tally.dropped[UNWANTED] += 1
                 continue
             try:
-                objects = await self._find(taken.item)
-                results.publish(self._detections(taken.item, objects))
-            except Exception as error:
+                objects = await self._found(taken.item)
+                with readable(results.camera):
+                    found = self._detections(taken.item, objects)
+                results.publish(found)
+            except asyncio.CancelledError:
+                raise
+            except BaseException as error:
                 self._failure = error
                 raise
             tally.done += 1
             took_over()
+
+    async def _found(self, frame: ImageFrame) -> Sequence[Detection]:
+        try:
+            return await self._find(frame)
+        except asyncio.CancelledError as error:
+            task = asyncio.current_task()
+            if task is None or task.cancelling():
+                raise
+            raise FleetsightError(  # as it is, it would end this task alone
+                f"model {self._model}: find was cancelled, and not by the service; catch CancelledError where it waits"
+            ) from error
 
     def _detections(self, frame: ImageFrame, objects: Sequence[Detection]) -> Detections:
         return Detections(

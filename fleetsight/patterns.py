@@ -3,6 +3,7 @@
 import re
 from typing import Final
 
+from fleetsight.arguments import check_text
 from fleetsight.errors import SettingsError
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey
@@ -16,6 +17,7 @@ def chunk(what: str, pattern: str) -> str:
     Raises:
         SettingsError: it has characters that no name has.
     """
+    check_text(f"{what} pattern", pattern)
     if not PATTERN.fullmatch(pattern):
         raise SettingsError(
             f"{what} pattern {pattern[:80]!r}: no such name can be; use 1 to 64 letters, digits, '_', '-', '.' and '*'"
@@ -29,6 +31,8 @@ def one_camera(robot: str, camera: str) -> CameraKey:
     Raises:
         SettingsError: a name that cannot be.
     """
+    check_text("robot name", robot)
+    check_text("camera name", camera)
     try:
         return CameraKey(robot, camera)
     except SchemaError as error:

@@ -2,17 +2,21 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
-from contextlib import AbstractAsyncContextManager, aclosing, suppress
+from contextlib import AbstractAsyncContextManager, aclosing
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
 from bus import BusClosedError, Presence, Watch
-from fleetsight.errors import ClosedError
+from fleetsight.arguments import time_s
+from fleetsight.errors import ClosedError, no_link
 from fleetsight.streams import Iterations
 from schemas.errors import SchemaError
 
 SETTLE_S: Final = 0.5
 """After so long without news all of them are known."""
+
+WITHIN_S: Final = 5.0
+"""So long at most for all to be known, where some come and go all the time."""
 
 T = TypeVar("T")
 
@@ -61,11 +65,13 @@ class Roster(Generic[T]):
         what: str,
         watch: Callable[[], AbstractAsyncContextManager[Watch]],
         parse: Callable[[str], T],
+        link_problem: Callable[[], str],
     ) -> None:
         self._iterations = iterations
         self._what = what
         self._watch = watch
         self._parse = parse
+        self._link_problem = link_problem
 
     def __aiter__(self) -> AsyncGenerator[Change[T], None]:  # noqa: PYI058 - it can be closed
         """Iterate over those that come and go.
@@ -85,7 +91,7 @@ class Roster(Generic[T]):
                         if change is not None:
                             yield change
             except BusClosedError as error:
-                raise ClosedError(f"{self._what}: the fleet was left before; ask within `async with`") from error
+                raise self._left() from error
 
     def _change(self, presence: Presence, tokens: dict[T, set[str]]) -> Change[T] | None:
         try:
@@ -99,11 +105,18 @@ class Roster(Generic[T]):
             del tokens[who]
         return Change(who, here=bool(shown)) if before != bool(shown) else None
 
-    async def present(self, *, settle_s: float = SETTLE_S) -> frozenset[T]:
+    def _left(self) -> ClosedError:
+        return ClosedError(f"{self._what}: the fleet was left before; ask within `async with`")
+
+    async def present(self, *, settle_s: float = SETTLE_S, within_s: float = WITHIN_S) -> frozenset[T]:
         """Return those that are there now: all that were heard of until nothing new came for `settle_s` seconds.
 
+        Where somebody comes or goes all the time, those that are there after `within_s` seconds.
+
         Raises:
+            ConnectError: there is no link, so nobody knows.
             ClosedError: the fleet was left before.
+            SettingsError: a time that cannot be.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
@@ -111,11 +124,18 @@ class Roster(Generic[T]):
         >>> sorted(map(str, asyncio.run(main())))
         ['r1/front']
         """
+        settle_s, within_s = time_s("settle_s", settle_s), time_s("within_s", within_s)
         here: set[T] = set()
         loop = asyncio.get_running_loop()
-        with suppress(TimeoutError):
-            async with asyncio.timeout(settle_s) as limit, aclosing(aiter(self)) as changes:
+        until_s = loop.time() + within_s
+        problem = self._link_problem()
+        try:
+            async with asyncio.timeout(min(settle_s, within_s)) as limit, aclosing(aiter(self)) as changes:
                 async for change in changes:
                     (here.add if change.here else here.discard)(change.who)
-                    limit.reschedule(loop.time() + settle_s)
-        return frozenset(here)
+                    limit.reschedule(min(until_s, loop.time() + settle_s))
+        except TimeoutError:
+            if problem := problem or self._link_problem():
+                raise no_link(self._what, problem) from None
+            return frozenset(here)
+        raise self._left()

@@ -25,6 +25,7 @@ class Iterations:
     def __init__(self) -> None:
         self._generators: WeakSet[AsyncGenerator[Any, None]] = WeakSet()
         self._unended: set[asyncio.Future[None]] = set()
+        self._contexts: set[asyncio.Future[None]] = set()
 
     def add(self, generator: AsyncGenerator[T, None]) -> AsyncGenerator[T, None]:
         """Take note of an iteration, and return it."""
@@ -42,8 +43,21 @@ class Iterations:
             self._unended.discard(ended)
             ended.set_result(None)
 
+    @contextmanager
+    def context(self) -> Iterator[asyncio.Future[None]]:
+        """Give a future that is done once this context has ended or the fleet is left, whichever comes first."""
+        ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._contexts.add(ended)
+        try:
+            yield ended
+        finally:
+            self._contexts.discard(ended)
+            _finish(ended)
+
     async def end(self) -> None:
-        """End those that wait for the program to go on."""
+        """End the contexts, and the iterations that wait for the program to go on."""
+        for ended in self._contexts:
+            _finish(ended)
         for generator in list(self._generators):
             with suppress(RuntimeError):  # another task waits in it, or ends it
                 await generator.aclose()
@@ -52,6 +66,11 @@ class Iterations:
         """Wait until all have ended, once nothing more comes."""
         if self._unended:
             await asyncio.wait(self._unended, timeout=PATIENCE_S)
+
+
+def _finish(future: asyncio.Future[None]) -> None:
+    if not future.done():
+        future.set_result(None)
 
 
 Subscribe = Callable[[], AbstractAsyncContextManager[Subscription]]

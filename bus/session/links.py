@@ -9,7 +9,7 @@ import re
 import socket
 import threading
 from collections.abc import Sequence
-from ipaddress import ip_address
+from ipaddress import IPv6Address, ip_address
 from typing import Final
 
 from bus.settings import WITH_TLS, BusSettings, port_of
@@ -83,13 +83,22 @@ def is_name(host: str) -> bool:
     return False
 
 
+def is_unspecified(host: str) -> bool:
+    """Whether a host stands for every address of a machine, as 0.0.0.0 and [::] do, the former also within IPv6."""
+    if is_name(host):
+        return False
+    address = ip_address(host)
+    mapped = address.ipv4_mapped if isinstance(address, IPv6Address) else None
+    return (mapped or address).is_unspecified
+
+
 def _fits(endpoint: str, other: str) -> bool:
     if port_of(endpoint) != port_of(other):
         return False
     asked, linked = host_of(endpoint), host_of(other)
     if is_name(asked) or is_name(linked):
         return True
-    return ip_address(asked) == ip_address(linked) or ip_address(asked).is_unspecified
+    return ip_address(asked) == ip_address(linked) or is_unspecified(asked)
 
 
 RESOLVING_S: Final = 1.0

@@ -125,15 +125,11 @@ def _drawn(starts: Integers, stops: Integers, size: int) -> Bools:
     return is_set.repeat(edges[1:] - edges[:-1])
 
 
-def eroded(window: Window, pixels: int, *, at_window_end: bool = True) -> Window:
-    """Return the mask without what is within `pixels` of its edge, in the same window.
-
-    at_window_end: where the window ends the mask does, too; not so where a margin ends with the image alone.
-    """
+def eroded(window: Window, pixels: int) -> Window:
+    """Return the mask without what is within `pixels` of its edge, in the same window."""
     if not (pixels and window.pixels.size):
         return window
-    beyond = 0 if at_window_end else 1
-    inner = cv2.erode(window.pixels.view(np.uint8), _square(pixels), borderType=cv2.BORDER_CONSTANT, borderValue=beyond)
+    inner = cv2.erode(window.pixels.view(np.uint8), _square(pixels), borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return Window(window.top, window.left, inner.view(np.bool_))
 
 

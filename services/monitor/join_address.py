@@ -8,7 +8,7 @@ from contextlib import suppress
 from ipaddress import ip_address
 from typing import Final
 
-from bus.session.links import host_of, is_name
+from bus.session.links import host_of, is_name, is_unspecified
 from bus.settings import port_of
 from services.monitor.settings import MonitorSettings
 
@@ -54,25 +54,25 @@ def _reachable(endpoint: str) -> str:
     """Return an endpoint that is listened on as others connect to it: with an address in place of all of them."""
     plain, _, options = endpoint.partition("#")
     host = host_of(plain)
-    if is_name(host) or not ip_address(host).is_unspecified:
+    if not is_unspecified(host):
         return plain
     interface = options.removeprefix("iface=") if options.startswith("iface=") else ""
-    found = own_address(interface)
+    found = own_address(interface, ipv4_alone="." in host)
     return f"{plain.partition('/')[0]}/{f'[{found}]' if ':' in found else found}:{port_of(plain)}"
 
 
-def own_address(interface: str = "") -> str:
+def own_address(interface: str = "", *, ipv4_alone: bool = False) -> str:
     """Return an address at which other machines reach this one; its host name where it has none.
 
-    interface: that of one of its networks alone. Else it is the address that packets to elsewhere would leave from or,
-    without such a route, that of the first network.
+    ipv4_alone: IPv6 is not listened on. interface: that of one of its networks alone. Else it is the address that
+    packets to elsewhere would leave from or, without such a route, that of the first network.
     """
-    return next(_addresses(interface), socket.gethostname())
+    return next(_addresses(interface, ipv4_alone), socket.gethostname())
 
 
-def _addresses(interface: str) -> Iterator[str]:
+def _addresses(interface: str, ipv4_alone: bool) -> Iterator[str]:  # noqa: FBT001 - private
     if not interface:
-        for family, elsewhere in ELSEWHERE:
+        for family, elsewhere in ELSEWHERE[: 1 if ipv4_alone else None]:
             with suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
                 probe.connect((elsewhere, 9))  # of a datagram socket, which sends nothing
                 yield str(probe.getsockname()[0])

@@ -1,13 +1,12 @@
 """Settings of the monitor: its page and API, the inventory, the alerts, and the files that they name."""
 
 import os
-from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, Field, HttpUrl, field_validator, model_validator
 
-from bus.session.links import host_of, is_name
+from bus.session.links import host_of, is_unspecified
 from bus.settings import BusSettings, Endpoint, port_of
 from services.monitor.history.settings import HistorySettings
 from services.monitor.inventory.inventory import TrustLimits
@@ -118,9 +117,7 @@ class MonitorSettings(WebSettings, AlertingSettings, InventorySettings, HistoryS
     @classmethod
     def _can_be_connected_to(cls, endpoint: str | None) -> str | None:
         host = "" if endpoint is None else host_of(endpoint)
-        if endpoint is not None and (
-            port_of(endpoint) == "0" or (not is_name(host) and ip_address(host).is_unspecified)
-        ):
+        if endpoint is not None and (port_of(endpoint) == "0" or is_unspecified(host)):
             raise ValueError(f"{endpoint!r} is no address to connect to; write it like tcp/192.168.0.1:7447")
         return endpoint
 

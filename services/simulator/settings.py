@@ -5,9 +5,10 @@ import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, model_validator
 
 from gateway.ros1.addresses import validate_host, validate_master_uri
+from services.option_names import given_as_options
 from services.simulator.topics import Stream
 
 
@@ -109,9 +110,10 @@ class SimulatorSettings(BaseModel):
     ] = False
 
     @model_validator(mode="after")
-    def _is_a_bag_or_live(self) -> Self:
-        if self.bag is not None and self.ros_master is not None and "ros_master" in self.model_fields_set:
+    def _is_a_bag_or_live(self, info: ValidationInfo) -> Self:
+        options = given_as_options(self, info)
+        if self.bag is not None and self.ros_master is not None and "ros_master" in options:
             raise ValueError("--bag needs no ROS master: leave out --ros-master")
-        if self.bag is not None and self.summary:
+        if self.bag is not None and self.summary and "summary" in options:
             raise ValueError("--summary counts what is published live: leave it out with --bag")
         return self

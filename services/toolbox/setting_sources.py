@@ -99,14 +99,22 @@ class SettingOrigins:
     def place_of(self, name: str) -> str:
         """Return what to call a setting: as it was given, or as an option."""
         option, variable = option_of(name), f"{ENV_PREFIX}{name.upper()}"
-        typed = {argument.partition("=")[0] for argument in self.argv}
-        if not typed.isdisjoint({option, option.replace("--", "--no-", 1)}):
+        if self._is_typed(option):
             return option
         if variable in self.environment:
             return variable
         if name in self.file.content:
             return f"{self.file.place_of(name)}: {name}"
         return next(filter(self.environment.get, self._variables_of_ros(name)), option)
+
+    def options(self) -> frozenset[str]:
+        """Return the names of the model's fields that the command line gives, in whatever way they are spelt there."""
+        fields = self.model.model_fields.items()
+        return frozenset(name for name, field in fields if self._is_typed(option_of(field.alias or name)))
+
+    def _is_typed(self, option: str) -> bool:
+        typed = {argument.partition("=")[0] for argument in self.argv}
+        return not typed.isdisjoint({option, option.replace("--", "--no-", 1)})
 
     def _variables_of_ros(self, name: str) -> list[str]:
         """Return the variables that a setting is from where it is given nowhere, as its description has them."""

@@ -22,6 +22,7 @@ from pydantic_settings import (
     SettingsError,
 )
 
+from services.option_names import OPTIONS
 from services.toolbox.errors import UsageError, meant
 from services.toolbox.help import Usage, help_text, usage_line
 from services.toolbox.setting_sources import ENV_PREFIX, SettingOrigins, SettingsFile, option_of
@@ -89,7 +90,8 @@ def load(
     try:
         found = _settings_class(model, prog, file)(_cli_parse_args=list(argv))  # type: ignore[call-arg]
         own = {name: field for name, field in model.model_fields.items() if name in found.model_fields_set}
-        settings = model.model_validate({field.alias or name: getattr(found, name) for name, field in own.items()})
+        values = {field.alias or name: getattr(found, name) for name, field in own.items()}
+        settings = model.model_validate(values, context={OPTIONS: given.options()})
     except ValidationError as error:
         raise UsageError(_first_mistake(error, given)) from error
     except UnicodeEncodeError as error:

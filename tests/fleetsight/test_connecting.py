@@ -1,6 +1,7 @@
 """Joining the fleet, and what keeps a program from it."""
 
 import asyncio
+import sys
 from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
@@ -56,6 +57,13 @@ async def test_a_name_that_does_not_resolve_is_the_cause() -> None:
 async def test_an_endpoint_that_is_none_is_refused_at_once() -> None:
     with pytest.raises(fleetsight.SettingsError, match="connect: 'central' is no endpoint"):
         async with fleetsight.connect("central"):
+            raise AssertionError
+
+
+@pytest.mark.parametrize("within_s", [None, "long", float("nan")])
+async def test_a_time_that_is_none_is_refused_at_once(within_s: float) -> None:
+    with pytest.raises(fleetsight.SettingsError, match=f"^within_s {within_s!r}: "):
+        async with fleetsight.connect("tcp/127.0.0.1:9", within_s=within_s):
             raise AssertionError
 
 
@@ -141,3 +149,29 @@ async def test_cancelled_while_it_connects_nothing_is_left() -> None:
         await joining
     assert not bus_threads()
     assert asyncio.all_tasks() == {asyncio.current_task()}
+
+
+JOINING = """
+import asyncio, resource, sys
+import fleetsight
+
+async def main():
+    async with fleetsight.connect(settings=settings):
+        print(resource.getrlimit(resource.RLIMIT_NOFILE)[0])
+
+settings = fleetsight.BusSettings(connect=[sys.argv[1]], mode=sys.argv[2], shared_memory=False)
+resource.setrlimit(resource.RLIMIT_NOFILE, (256, 4096))
+asyncio.run(main())
+"""
+
+
+@pytest.mark.parametrize(("mode", "files"), [("client", 256), ("peer", 4096)])
+async def test_the_file_limit_of_a_program_is_raised_only_where_others_link_to_it(mode: str, files: int) -> None:
+    async with open_bus(BusSettings(mode="router", listen=[endpoint := free_endpoint()])):
+        joining = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-c", JOINING, endpoint, mode),
+            stdout=asyncio.subprocess.PIPE,
+            stderr=asyncio.subprocess.PIPE,
+        )
+        said = await joining.communicate()
+    assert said == (f"{files}\n".encode(), b"")

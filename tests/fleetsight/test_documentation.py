@@ -11,7 +11,11 @@ import fleetsight
 from fleetsight import api
 from tests.fleetsight.stand_in import in_a_thread
 
-OURS = [each for name in api.__all__ if getattr(each := getattr(api, name), "__module__", "").startswith("fleetsight.")]
+OURS = [
+    each
+    for name in api.__all__
+    if getattr(each := getattr(api, name), "__module__", "").startswith(("fleetsight.", "schemas.errors"))
+]
 
 
 def documented() -> Iterator[tuple[str, object]]:
@@ -65,8 +69,14 @@ def test_its_example_does_what_it_says(name: str, endpoint: str) -> None:
 
 def test_an_error_says_what_it_means() -> None:
     errors = [each for each in OURS if inspect.isclass(each) and issubclass(each, Exception)]
-    assert len(errors) == 10
+    assert len(errors) == 11
     assert all(issubclass(each, fleetsight.FleetsightError) and each.__doc__ for each in errors)
+
+
+def test_a_star_import_gives_all_that_is_public() -> None:
+    names: dict[str, object] = {}
+    exec("from fleetsight import *", names)  # noqa: S102 - it is allowed at the top of a module alone
+    assert {name: names[name] for name in api.__all__} == {name: getattr(api, name) for name in api.__all__}
 
 
 def test_what_there_is_not_is_no_attribute() -> None:

@@ -1,6 +1,7 @@
 """Questions to the fleet, and what comes where nobody answers."""
 
 import asyncio
+from contextlib import AsyncExitStack
 
 import pytest
 
@@ -9,6 +10,7 @@ from bus import MAX_REQUEST_BYTES, RefusedError, Reply, Request
 from fleetsight import Fleet
 from schemas import keys, worker_keys
 from schemas.worker_keys import WorkerAlive
+from tests.contract.waiting import until
 from tests.fleetsight.stand_in import FOUND, NO_IMAGE, SIGHTING, StandIn, stand_in
 
 
@@ -32,9 +34,36 @@ async def test_the_monitor_says_what_it_knows(fleet: Fleet) -> None:
     assert (await fleet.inventory(robot="r2")).sightings == []
 
 
-@pytest.mark.parametrize("given", [{"robot": "r/1"}, {"camera": "*"}, {"timeout_s": 61}, {"timeout_s": 0}])
+async def test_an_image_file_may_be_any_bytes(fleet: Fleet) -> None:
+    assert await fleet.detect(bytearray(b"an image")) == FOUND
+    assert await fleet.detect(memoryview(b"an image")) == FOUND
+    for image in ("picture.jpg", None, 3):
+        with pytest.raises(fleetsight.SettingsError, match=f"^image {image!r}: these are no bytes"):
+            await fleet.detect(image)  # type: ignore[arg-type]
+    with pytest.raises(fleetsight.SettingsError, match="timeout_s nan: "):
+        await fleet.detect(b"an image", timeout_s=float("nan"))
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"robot": "r/1"},
+        {"robot": None},
+        {"robot": 3},
+        {"camera": "*"},
+        {"name": "\ud800"},
+        {"name": "x" * 257},
+        {"name": None},
+        {"in_view": "yes"},
+        {"timeout_s": 61},
+        {"timeout_s": 0},
+        {"timeout_s": float("nan")},
+        {"timeout_s": None},
+        {"timeout_s": "5 s"},
+    ],
+)
 async def test_a_question_that_cannot_be_is_refused_at_once(fleet: Fleet, given: dict[str, object]) -> None:
-    with pytest.raises(fleetsight.SettingsError):
+    with pytest.raises(fleetsight.SettingsError, match=f"^{next(iter(given))} .*: .*; |^.* name .*: use "):
         await fleet.inventory(**given)  # type: ignore[arg-type]
 
 
@@ -50,6 +79,20 @@ async def test_without_anybody_to_answer_the_error_says_whom_to_start() -> None:
     assert str(monitor.value) == (
         "the inventory: nobody serves it, or whoever did left before answering; start one with `fleetsight monitor`"
     )
+
+
+async def test_without_a_link_that_is_the_cause_whoever_was_to_answer() -> None:
+    async with AsyncExitStack() as stack:
+        async with stand_in() as there:
+            fleet = await stack.enter_async_context(fleetsight.connect(there.endpoint))
+        await until(lambda: fleet.problem)
+        with pytest.raises(fleetsight.ConnectError) as worker:
+            await fleet.detect(b"an image", timeout_s=0.3)
+        with pytest.raises(fleetsight.ConnectError) as monitor:
+            await fleet.inventory(timeout_s=0.3)
+    cause = f"there is no link to {there.endpoint}; wait until `fleet.problem` is empty, and see that the router runs"
+    assert str(worker.value) == f"an image for a detector worker: {cause}"
+    assert str(monitor.value) == f"the inventory: {cause}"
 
 
 async def test_an_answer_that_comes_too_late_or_is_none_is_an_error() -> None:

@@ -4,15 +4,17 @@ import asyncio
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 
+import msgspec
+import numpy as np
 import pytest
 
 import fleetsight
-from fleetsight import Box, Detection, Fleet, ImageFrame
+from fleetsight import Box, Detection, Fleet, ImageFrame, Mask
 from schemas import codec, worker_keys
 from schemas.detections import ClassList
 from schemas.keys import Stream
 from schemas.status import WorkerStatus
-from tests.contract.waiting import next_of, receive, until
+from tests.contract.waiting import PATIENCE_S, next_of, receive, until
 from tests.fleetsight.stand_in import FRONT, StandIn, stand_in
 
 CRATE = Detection(name="crate", score=0.9, box=Box(0, 0, 2, 2))
@@ -124,6 +126,116 @@ async def test_what_nobody_could_read_ends_it_too() -> None:
             await own.serve_model(find, model="crates")
         wanting.cancel()
         await asyncio.wait([wanting])
+
+
+@pytest.mark.parametrize(
+    ("returned", "said"),
+    [
+        ([msgspec.structs.replace(CRATE, score=np.float32(0.5))], "numpy.float32 is unsupported"),
+        ([msgspec.structs.replace(CRATE, mask=Mask(size=(3, 3), counts="09"))], "mask of"),
+        ([np.zeros(6)], "score"),
+        (None, "not iterable"),
+    ],
+)
+async def test_what_is_no_result_ends_it_too(returned: Sequence[Detection], said: str) -> None:
+    async def find(_: ImageFrame) -> Sequence[Detection]:
+        return returned
+
+    async with two() as (_, own, other):
+        wanting = asyncio.create_task(next_of(aiter(other.class_lists())))
+        with pytest.raises(fleetsight.MessageError, match=f"results of r1/front: .*{said}.*; nobody could read that"):
+            await own.serve_model(find, model="crates")
+        wanting.cancel()
+        await asyncio.wait([wanting])
+
+
+async def test_what_is_cancelled_within_it_ends_it_and_leaves_the_cameras() -> None:
+    async def find(_: ImageFrame) -> Sequence[Detection]:
+        given_up: asyncio.Future[Sequence[Detection]] = asyncio.get_running_loop().create_future()
+        given_up.cancel()
+        return await given_up
+
+    async with two() as (_, own, other):
+        wanting = asyncio.create_task(next_of(aiter(other.class_lists())))
+        async with asyncio.timeout(PATIENCE_S):
+            with pytest.raises(fleetsight.FleetsightError, match="model crates: find was cancelled") as ended:
+                await own.serve_model(find, model="crates")
+        assert isinstance(ended.value.__cause__, asyncio.CancelledError)
+        assert await other.workers("detector").present() == set()
+        wanting.cancel()
+        await asyncio.wait([wanting])
+
+
+async def test_its_own_errors_of_ours_are_raised_as_they_are() -> None:
+    async def find(_: ImageFrame) -> Sequence[Detection]:
+        try:
+            fleetsight.CameraKey("no name", "front")
+        except fleetsight.SchemaError as error:
+            raise fleetsight.SchemaError("mine") from error
+        return []
+
+    async with two() as (_, own, other):
+        wanting = asyncio.create_task(next_of(aiter(other.class_lists())))
+        with pytest.raises(fleetsight.SchemaError, match="mine") as ended:
+            await own.serve_model(find, model="crates")
+        assert str(ended.value) == "mine"
+        assert "no name" in str(ended.value.__cause__)
+        wanting.cancel()
+        await asyncio.wait([wanting])
+
+
+async def test_cancelling_it_while_it_looks_cancels_it() -> None:
+    looks = asyncio.Event()
+
+    async def find(_: ImageFrame) -> Sequence[Detection]:
+        looks.set()
+        await asyncio.Event().wait()
+        return []
+
+    async with two() as (_, own, other):
+        wanting = asyncio.create_task(next_of(aiter(other.class_lists())))
+        running = asyncio.create_task(own.serve_model(find, model="crates"))
+        await looks.wait()
+        running.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await running
+        wanting.cancel()
+        await asyncio.wait([wanting])
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"model": "x" * 257}, "^model 'xxx.*length <= 256.*; give another"),
+        ({"model": "\ud800"}, r"^model '\\ud800': .*surrogates"),
+        ({"model": 3}, "^model 3: Expected `str`, got `int`"),
+        ({"classes": ["a" * 257]}, "^classes .*length <= 256"),
+        ({"classes": ["a"] * 1_001}, "^classes .*length <= 1000"),
+        ({"classes": "crate"}, r"^classes 'crate': it is one text; give a list, such as \['crate'\]"),
+        ({"robots": "r1"}, "^robots 'r1': it is one text"),
+        ({"robots": 3}, "^robots 3: .*give a list"),
+        ({"most_hz": float("nan")}, "^most_hz nan: "),
+        ({"most_hz": -3}, "^most_hz -3: out of its bounds; use 0.001 Hz or more"),
+        ({"most_hz": float("inf")}, "^most_hz inf: "),
+        ({"most_hz": "fast"}, "^most_hz 'fast': "),
+        ({"worker": "\ud800"}, "worker name"),
+    ],
+)
+async def test_what_nobody_could_read_of_it_is_refused_at_once(
+    fleet: Fleet, given: dict[str, object], said: str
+) -> None:
+    with pytest.raises(fleetsight.SettingsError, match=said):
+        await fleet.serve_model(crates, **{"model": "crates", **given})  # type: ignore[arg-type]
+
+
+async def test_the_longest_names_are_read(there: StandIn, fleet: Fleet) -> None:
+    given = {"model": "é" * 256, "classes": [f"{number:é>256}" for number in range(1_000)]}
+    async with there.bus.subscribe(worker_keys.worker_status("detector", "mine"), fleetsight.LATEST) as statuses:
+        running = asyncio.create_task(fleet.serve_model(crates, worker="mine", **given))  # type: ignore[arg-type]
+        status = await receive(statuses, WorkerStatus)
+        assert {"model": status.model, "classes": status.classes} == given
+        running.cancel()
+        await asyncio.wait([running])
 
 
 async def test_names_that_cannot_be_are_refused_at_once(fleet: Fleet) -> None:

@@ -31,3 +31,13 @@ def test_one_camera_is_named_in_full() -> None:
         one_camera("r*", "front")
     with pytest.raises(SettingsError, match="'tf' is reserved"):
         one_camera("r1", "tf")
+
+
+@pytest.mark.parametrize("name", [None, 3, b"r1"])
+def test_what_is_no_text_is_no_name(name: str) -> None:
+    with pytest.raises(SettingsError, match=f"^robot pattern {name!r}: it is no text; give a str"):
+        chunk("robot", name)
+    with pytest.raises(SettingsError, match=f"^robot name {name!r}: it is no text"):
+        one_camera(name, "front")
+    with pytest.raises(SettingsError, match=f"^camera name {name!r}: it is no text"):
+        one_camera("r1", name)

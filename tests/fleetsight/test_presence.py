@@ -1,13 +1,18 @@
 """Who is there, over real sessions."""
 
+import asyncio
+from contextlib import AsyncExitStack
+
 import pytest
 
 import fleetsight
+from bus import BusSettings, open_bus
 from fleetsight import Change, Fleet, WorkerName
 from schemas import keys
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import WorkerAlive
-from tests.contract.waiting import next_of
+from tests.contract.conftest import free_endpoint
+from tests.contract.waiting import PATIENCE_S, next_of, until
 from tests.fleetsight.stand_in import FRONT, StandIn
 
 
@@ -53,6 +58,49 @@ async def test_a_fleet_that_was_left_says_so(there: StandIn) -> None:
         pass
     with pytest.raises(fleetsight.ClosedError, match="robots: the fleet was left before"):
         await fleet.robots().present()
+
+
+async def test_a_fleet_that_is_left_meanwhile_says_so_too(there: StandIn) -> None:
+    async with fleetsight.connect(there.endpoint) as fleet:
+        asking = asyncio.create_task(fleet.robots().present(settle_s=PATIENCE_S, within_s=PATIENCE_S))
+        await fleet.cameras().present()
+    with pytest.raises(fleetsight.ClosedError, match="robots: the fleet was left before"):
+        await asking
+
+
+async def test_without_a_link_nobody_knows_who_is_there() -> None:
+    endpoint = free_endpoint()
+    async with AsyncExitStack() as stack:
+        async with open_bus(BusSettings(mode="router", listen=[endpoint])):
+            fleet = await stack.enter_async_context(fleetsight.connect(endpoint))
+            assert await fleet.robots().present() == set()
+        await until(lambda: fleet.problem)
+        with pytest.raises(fleetsight.ConnectError) as refusal:
+            await fleet.robots().present()
+    assert str(refusal.value) == (
+        f"robots: there is no link to {endpoint}; wait until `fleet.problem` is empty, and see that the router runs"
+    )
+
+
+async def test_somebody_who_comes_and_goes_all_the_time_holds_nobody_up(there: StandIn, fleet: Fleet) -> None:
+    async def blink() -> None:
+        while True:
+            async with there.bus.announce(keys.robot_alive("r2")):
+                await asyncio.sleep(0.05)
+            await asyncio.sleep(0.05)
+
+    blinking = asyncio.create_task(blink())
+    async with asyncio.timeout(PATIENCE_S):
+        assert "r1" in await fleet.robots().present(settle_s=PATIENCE_S * 2, within_s=1.0)
+        assert "r1" in await fleet.robots().present(settle_s=1.0)
+    blinking.cancel()
+    await asyncio.wait([blinking])
+
+
+@pytest.mark.parametrize("given", [{"settle_s": 0}, {"settle_s": float("nan")}, {"within_s": -1}, {"within_s": "long"}])
+async def test_a_time_that_cannot_be_is_refused_at_once(fleet: Fleet, given: dict[str, float]) -> None:
+    with pytest.raises(fleetsight.SettingsError, match=f"^{next(iter(given))} "):
+        await fleet.robots().present(**given)
 
 
 def test_a_service_that_cannot_be_is_refused_at_once() -> None:

@@ -2,12 +2,13 @@
 
 import asyncio
 from contextlib import AsyncExitStack, aclosing
+from functools import partial
 
 import msgspec
 import pytest
 
 import fleetsight
-from bus import BusSettings, QoS, open_bus
+from bus import BusSettings, QoS, Queue, open_bus
 from fleetsight import Fleet, StreamCounts
 from schemas import codec
 from schemas.detections import ClassCount, ClassList, class_list
@@ -204,3 +205,16 @@ async def test_a_link_that_breaks_is_made_again_and_the_iteration_goes_on() -> N
             publisher.put(seen(7))
             assert (await coming).classes[0].count == 7
             assert fleet.problem == ""
+
+
+@pytest.mark.parametrize("depth", [0, -1, 2.5, None, "100"])
+def test_a_queue_that_keeps_nothing_is_refused(depth: int) -> None:
+    with pytest.raises(fleetsight.SettingsError, match=f"^a queue of {depth!r} messages: .*; use a whole number"):
+        fleetsight.QUEUE(depth)
+
+
+@pytest.mark.parametrize("keep", [3, None, fleetsight.QUEUE])
+async def test_what_cannot_be_kept_is_refused_at_once(fleet: Fleet, keep: Queue) -> None:
+    for listen in (fleet.class_lists, fleet.objects, fleet.alerts, partial(fleet.images, "r1", "front")):
+        with pytest.raises(fleetsight.SettingsError, match=r"^keep .*; use LATEST or QUEUE"):
+            listen(keep=keep)

@@ -1,10 +1,12 @@
 """The content of an Ultralytics checkpoint: exactly the file that is named, read as data."""
 
 import re
+import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +14,7 @@ import torch
 from ultralytics.nn.tasks import load_checkpoint
 from ultralytics.utils import downloads
 
+from schemas.printing import printable
 from services.detector.model import first_line
 
 NUMBERS: Final = ("?", "b", "B", "h", "H", "i", "I", "l", "L", "q", "Q", "e", "f", "d", "U1")
@@ -26,11 +29,14 @@ NOT_FOR_THIS: Final = (
     " published one, such as yolov5su.pt"
 )
 NO_PICKLE: Final = "damaged, or not written by torch"
-"""What it means where all that an error says is a number out of the file."""
+"""What it means where all that an error says is a number out of the file, or what Ultralytics makes of that."""
+
+DOWNLOADS: Final = threading.RLock()
+"""Held by whoever has Ultralytics look for a file, for `exact_names` changes how it does so in the whole process."""
 
 SHOUTED: Final = "ERROR \u274c\ufe0f "
 MAX_NAMED: Final = 3
-"""Types that a refusal names at most."""
+"""Types or entries that a refusal names at most."""
 
 
 class CheckpointError(Exception):
@@ -61,26 +67,49 @@ def exact_names() -> Iterator[None]:
     Otherwise apostrophes vanish from a name, yolov5s.pt becomes yolov5su.pt, and GitHub is asked for what is then not
     there, YOLO_OFFLINE or not.
     """
-    theirs = vars(downloads)["attempt_download_asset"]
-    vars(downloads)["attempt_download_asset"] = str
-    try:
-        yield
-    finally:
-        vars(downloads)["attempt_download_asset"] = theirs
+    with DOWNLOADS:
+        theirs = vars(downloads)["attempt_download_asset"]
+        vars(downloads)["attempt_download_asset"] = str
+        try:
+            yield
+        finally:
+            vars(downloads)["attempt_download_asset"] = theirs
 
 
 def _reason(path: Path, error: Exception) -> str:
     foreign = _foreign_types(path, error)
     if any(name.rpartition(".")[0] in YOLOV5 for name in foreign):
         return NOT_FOR_THIS
+    if called := re.search(r"unsafe (getattr\(.+?\)) blocked", f"{error.__cause__}"):
+        foreign = [called[1]]
     if foreign:
-        named = ", ".join([*foreign[:MAX_NAMED], *(["..."] if len(foreign) > MAX_NAMED else [])])
         return (
-            f"it holds {named}, which would be executed: save it again without, with numbers, texts and tensors alone"
+            f"it holds {_listed(foreign)}, which would be executed: save it again without, with numbers, texts and"
+            " tensors alone"
         )
-    if isinstance(error, LookupError):
+    if isinstance(error, LookupError) or isinstance(error.__cause__, UnpicklingError):
         return NO_PICKLE
+    if (entries := _entries_without_model(path)) is not None:
+        held = f"only {_listed(entries)}" if entries else "it is empty"
+        return f"it holds no model, {held}: save the whole checkpoint, as Ultralytics' model.save() does"
     return first_line(error).removeprefix(SHOUTED).replace(str(path), "it")
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join([*names[:MAX_NAMED], *(["..."] if len(names) > MAX_NAMED else [])])
+
+
+def _entries_without_model(path: Path) -> list[str] | None:
+    """Return what a file of torch's holds, with the types, if a model is not among it; else None."""
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception:  # noqa: BLE001 - as reading it failed before: it is not what is missing
+        return None
+    if not isinstance(content, Mapping):
+        return None if isinstance(content, torch.nn.Module) else [f"a {type(content).__name__}"]
+    if isinstance(content.get("ema") or content.get("model"), torch.nn.Module):
+        return None
+    return [f"{printable(str(name))} ({type(value).__name__})" for name, value in content.items()]
 
 
 def _foreign_types(path: Path, error: Exception) -> list[str]:

@@ -165,7 +165,10 @@ def _without_graphs() -> Iterator[None]:
     import torch  # noqa: PLC0415 - as above
 
     switches = vars(torch._C)  # noqa: SLF001 - there are no others
-    theirs = switches["_jit_set_onnx_log_enabled"]
+    theirs = switches.get("_jit_set_onnx_log_enabled")
+    if theirs is None:  # another torch may have no such switch, and then exports as well as it can
+        yield
+        return
     switches["_jit_set_onnx_log_enabled"] = lambda _: theirs(False)  # noqa: FBT003 - as torch calls it
     try:
         yield

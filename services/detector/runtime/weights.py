@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -12,7 +13,7 @@ from ultralytics.nn import tasks
 from ultralytics.utils.torch_utils import select_device
 
 from services.detector.model import ModelError, first_line
-from services.detector.runtime.checkpoint import CheckpointError, read_checkpoint
+from services.detector.runtime.checkpoint import DOWNLOADS, CheckpointError, read_checkpoint
 from services.detector.runtime.nms_branches import HeadError, head_of
 from services.detector.runtime.postprocess import Head
 from services.detector.runtime.refinement.network import RefinerNetwork
@@ -25,6 +26,7 @@ NEEDED: Final = "torch 2.6 and Ultralytics 8.4.175"
 """What the extra [detector] asks for; Ultralytics before 8.4.68 does not read weights as data alone."""
 DEFAULT_SIDE: Final = 640
 """What Ultralytics trains at unless told otherwise."""
+NAMES_CURE: Final = "give its model one name for each class, numbered from 0, and save it again"
 COLOURS: Final = 3
 """Channels of a camera's image."""
 
@@ -69,7 +71,8 @@ def load_weights(
     try:
         path = Path(model)
         if download and not path.is_file():
-            fetched: Any = YOLO(model)
+            with DOWNLOADS:
+                fetched: Any = YOLO(model)
             path = Path(fetched.ckpt_path)
         module, content = read_checkpoint(path)
         _check(module, what)
@@ -113,12 +116,26 @@ def _names(module: Any) -> dict[int, str]:
         CheckpointError: they are not one for each class.
     """
     classes = module.model[-1].nc
-    given = getattr(module, "names", None) or [f"class{label}" for label in range(classes)]
+    given = getattr(module, "names", None)
+    if given is not None and not isinstance(given, Mapping | list | tuple):
+        raise CheckpointError(f"its names are a {type(given).__name__}, neither a list nor a dictionary: {NAMES_CURE}")
+    given = given or [f"class{label}" for label in range(classes)]
     named = given if isinstance(given, Mapping) else dict(enumerate(given))
-    if {str(label) for label in named} != {str(label) for label in range(classes)}:
-        about = f"{len(named)} names for {classes} classes" if len(named) != classes else "names of other classes"
-        raise CheckpointError(f"{about}: give its model one name for each class, numbered from 0, and save it again")
-    return {int(label): _sendable(str(name)) for label, name in named.items()}
+    names = {_label(key): _sendable(str(name)) for key, name in named.items()}
+    if len(named) != classes:
+        raise CheckpointError(f"{len(named)} names for {classes} classes: {NAMES_CURE}")
+    if names.keys() != set(range(classes)):
+        raise CheckpointError(f"names of other classes: {NAMES_CURE}")
+    if unnamed := [label for label, name in names.items() if not name.strip()]:
+        raise CheckpointError(f"class {unnamed[0]} has an empty name: {NAMES_CURE}")
+    return {int(label): name for label, name in names.items()}
+
+
+def _label(key: Any) -> Any:
+    """Return the whole number that a key stands for, such as 0.0 or "0"; another key as it is."""
+    with suppress(ValueError):
+        return int(float(key)) if isinstance(key, str | int | float) and float(key).is_integer() else key
+    return key
 
 
 def _sendable(name: str) -> str:

@@ -27,6 +27,9 @@ sightings are enough for a number."""
 SUREST: Final = 0.98
 """What a single sighting counts as at most: a model that says 1 is not infinitely sure."""
 
+LEAST: Final = 1 - SUREST
+"""What a single sighting counts as at least."""
+
 MOST: Final = 3.0
 """What a track can gather at most, so that whatever it slides onto later has its say."""
 
@@ -70,7 +73,7 @@ def neutral_score(confidence: float) -> float:
 
 
 def _clipped(score: float) -> float:
-    return min(max(score, 1 - SUREST), SUREST)
+    return min(max(score, LEAST), SUREST)
 
 
 def _log_odds(score: float) -> float:

@@ -17,7 +17,7 @@ from schemas.image import ImageFrame
 from services.detector.pixels import glance
 from services.detector.runtime.overlap import at_border, boxes_of, overlaps
 from services.detector.tracking.camera_motion import Motion, moved
-from services.detector.tracking.confirmed_tracks import NEUTRAL, ConfirmedTracks
+from services.detector.tracking.confirmed_tracks import LEAST, NEUTRAL, ConfirmedTracks
 
 Kind = Literal["bytetrack", "botsort"]
 
@@ -114,6 +114,7 @@ class UltralyticsTracker:
     def __init__(self, kind: Kind, neutral: Callable[[], float] = lambda: NEUTRAL) -> None:
         settings = {**YAML.load(ROOT / "cfg" / "trackers" / f"{kind}.yaml"), **OURS[kind]}
         self._tracker = CLASSES[kind](IterableSimpleNamespace(**settings))
+        self._least_score = float(settings["new_track_thresh"])
         self._motion = Motion() if kind == "botsort" else None
         self._neutral = neutral
         self._evidence = ConfirmedTracks(neutral())
@@ -121,7 +122,8 @@ class UltralyticsTracker:
 
     def update(self, objects: Sequence[Detection], frame: ImageFrame) -> Sequence[int | None]:
         """See `Tracker.update`."""
-        scores = np.array([(each.score, each.label) for each in objects]).reshape(-1, 2)
+        self._take_neutral(self._neutral())
+        scores = np.array([(max(each.score, LEAST), each.label) for each in objects]).reshape(-1, 2)
         rows = np.concatenate([boxes_of(objects), scores], axis=1).astype(np.float32)
         boxes = Boxes(rows, (frame.height, frame.width))
         self._tracker.max_frames_lost = self._frames_until(frame.header.received_ns)
@@ -131,11 +133,16 @@ class UltralyticsTracker:
             flow = self._motion.look(glance(frame, LOOKED_AT))
         tracks = self._tracker.update(boxes, flow).reshape(-1, INDEX + 1)
         numbers: list[int | None] = [None] * len(objects)
-        self._evidence.neutral = self._neutral()
         earned = self._evidence.weigh((int(row[NUMBER]), float(row[SCORE])) for row in tracks)
         for row, number in zip(tracks, earned, strict=True):
             numbers[int(row[INDEX])] = number
         return numbers
+
+    def _take_neutral(self, neutral: float) -> None:
+        """Have every object whose score speaks for it begin a track, also where a model's scores are all low."""
+        self._evidence.neutral = neutral
+        least = min(self._least_score, neutral)
+        self._tracker.args.track_high_thresh = self._tracker.args.new_track_thresh = least
 
     def _frames_until(self, now_ns: int) -> int:
         """Return how many frames ago something may have been seen last that the next frame may still find."""

@@ -90,6 +90,10 @@ class Alerting:
         """Yield the alerts that webhooks, by name, did not take yet, each as it stands."""
         return self._webhooks.owed()
 
+    def owed_changes(self) -> int:
+        """Return how often these have changed."""
+        return self._webhooks.changes()
+
     def take(self, changes: Iterable[Change]) -> None:
         """Take what changed in the inventory."""
         if self._engine is not None:

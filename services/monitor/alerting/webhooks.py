@@ -37,12 +37,24 @@ GROUP_WAIT_S: Final = 1.0
 TRY_LATER: Final = frozenset({408, 425, 429})
 
 
+class _Answer(StrEnum):
+    """What came of one post."""
+
+    TAKEN = "taken"
+    REFUSED = "refused"
+    """It would be again."""
+    FAILED = "failed"
+    """The webhook had an error, or did not answer: it is down, or it is this post that it cannot deal with."""
+    LATER = "later"
+    """It was not there, or has too much to do."""
+
+
 class Outcome(StrEnum):
     """What becomes of an alert for a webhook."""
 
     DELIVERED = "delivered"
     GIVEN_UP = "given_up"
-    """It was refused, and would be again."""
+    """It was refused, or always failed, and would again."""
     DROPPED = "dropped"
     """Too many waited."""
 
@@ -79,14 +91,17 @@ def signed(alerts: Sequence[Alert], secret: str, at_s: float) -> Post:
 class _Lane:
     """A webhook by the name that the rule file gives it, and what waits for it.
 
-    reason: why it did not take what was posted last. is_single: it refused a group. drops: too much waited.
+    reason: why it did not take what was posted last. probes: it failed at a group, and is given one alert alone next.
+    alone: how many are posted one by one, since it takes no groups, before a group is tried again. drops: too much
+    waited.
     """
 
     name: str
     webhook: Webhook
     backlog: Backlog = field(default_factory=Backlog)
     reason: str = ""
-    is_single: bool = False
+    probes: bool = False
+    alone: int = 0
     is_busy: bool = False
     drops: bool = False
 
@@ -138,6 +153,10 @@ class Webhooks:
         for name, lane in self._lanes.items():
             yield from ((name, alert) for alert in lane.backlog.newest())
 
+    def changes(self) -> int:
+        """Return how often what waits has changed."""
+        return sum(lane.backlog.changes for lane in self._lanes.values())
+
     def keep(self, webhooks: Mapping[str, Webhook]) -> None:
         """Go on with these alone; what waits for one that has another address, or secret, goes there."""
         for name, lane in list(self._lanes.items()):
@@ -175,62 +194,89 @@ class Webhooks:
         while lane.backlog:
             await (self._post_group(lane) if lane.backlog.is_folded else self._post_first(lane))
         lane.is_busy = lane.drops = False
+        lane.alone = 0
         self._news.set()
 
     async def _post_first(self, lane: _Lane) -> None:
         """Post what waits longest; have the webhook be down if it is never taken."""
         alert = lane.backlog.first(1)[0]
         for number in range(TRIES):
-            if await self._is_done(lane, [alert]):
+            if await self._post(lane, [alert]) in (_Answer.TAKEN, _Answer.REFUSED):
                 return
             if number + 1 < TRIES:
                 await asyncio.sleep(self._first_wait_s * 2**number * _jitter())
+            if alert not in lane.backlog:
+                return
         lane.backlog.fold()
         log.warning("webhook %s is down: it is told what is open once it is back", lane.name)
         await asyncio.sleep(self._down_wait_s * _jitter())
 
     async def _post_group(self, lane: _Lane) -> None:
         """Post some of what waits for a webhook that is, or was, down."""
-        group = lane.backlog.first(1 if lane.is_single else GROUP)
-        done = await self._is_done(lane, group)
-        if lane.backlog or not done:
-            await asyncio.sleep(self._group_wait_s if done else self._down_wait_s * _jitter())
+        group = lane.backlog.first(1 if lane.alone or lane.probes else GROUP)
+        answer = await self._post(lane, group)
+        soon = self._after_group(lane, answer) if len(group) > 1 else self._after_single(lane, group[0], answer)
+        if lane.backlog or not soon:
+            await asyncio.sleep(self._group_wait_s if soon else self._down_wait_s * _jitter())
 
-    async def _is_done(self, lane: _Lane, alerts: Sequence[Alert]) -> bool:
-        """Post alerts once; return whether they were taken, or never will be."""
+    def _after_group(self, lane: _Lane, answer: _Answer) -> bool:
+        """Choose what is posted next; return whether that is so soon.
+
+        A webhook that knows single alerts only refuses groups, or has an error of them: one alone tells.
+        """
+        lane.alone = GROUP if answer is _Answer.REFUSED else 0
+        lane.probes = answer is _Answer.FAILED
+        return answer is not _Answer.LATER
+
+    def _after_single(self, lane: _Lane, alert: Alert, answer: _Answer) -> bool:
+        """As `_after_group`. An alert that always fails, while others are taken, is given up after some tries."""
+        probed, lane.probes = lane.probes, False
+        if answer is _Answer.TAKEN:
+            lane.alone = GROUP if probed else max(0, lane.alone - 1)
+        if answer is not _Answer.FAILED:
+            return answer is not _Answer.LATER
+        failures = lane.backlog.put_off(alert)
+        if failures >= TRIES:
+            lane.backlog.done([alert])
+            self.counts[lane.name, Outcome.GIVEN_UP] += 1
+        return failures > 1
+
+    async def _post(self, lane: _Lane, alerts: Sequence[Alert]) -> _Answer:
+        """Post alerts once; those that were taken, or that alone are refused, wait no more."""
         assert self._client is not None, "messages are delivered while it runs"  # noqa: S101 - for the type
         webhook = lane.webhook
         post = signed(alerts, webhook.secret, self._now_s())
-        reason, again = await _try(self._client, str(webhook.url), post)
+        answer, reason = await _try(self._client, str(webhook.url), post)
         if not lane.backlog:  # the webhook is gone
-            return True
+            return _Answer.TAKEN
         lane.reason = reason
         if reason:
             log.warning("webhook %s: alert %s not taken: %s", lane.name, alerts[0].id, reason)
-        if reason and again:
-            return False
-        if reason and len(alerts) > 1:  # it may know single alerts only
-            lane.is_single = True
-            return True
-        lane.backlog.done(alerts)
-        self.counts[lane.name, Outcome.GIVEN_UP if reason else Outcome.DELIVERED] += len(alerts)
-        return True
+        if answer is _Answer.TAKEN or (answer is _Answer.REFUSED and len(alerts) == 1):
+            lane.backlog.done(alerts)
+            outcome = Outcome.DELIVERED if answer is _Answer.TAKEN else Outcome.GIVEN_UP
+            self.counts[lane.name, outcome] += len(alerts)
+        return answer
 
 
 def _jitter() -> float:
     return random.uniform(0.75, 1.25)  # noqa: S311 - waits, no secrets
 
 
-async def _try(client: httpx.AsyncClient, url: str, post: Post) -> tuple[str, bool]:
-    """Post once; return why it was not taken, empty if it was, and whether it makes sense to try again."""
+async def _try(client: httpx.AsyncClient, url: str, post: Post) -> tuple[_Answer, str]:
+    """Post once; return what came of it, and why it was not taken, empty if it was."""
     try:
         # the answer's body is left alone: it may have no end
         async with client.stream("POST", url, content=post.body, headers=dict(post.headers)) as response:
             pass
     except httpx.HTTPError as error:
-        return str(error) or type(error).__name__, True
+        is_there = not isinstance(error, httpx.ConnectError | httpx.ConnectTimeout)
+        return _Answer.FAILED if is_there else _Answer.LATER, str(error) or type(error).__name__
     except (httpx.InvalidURL, UnicodeError) as error:  # a host that httpx takes for no name, as rule files need not
-        return str(error), False
+        return _Answer.REFUSED, str(error)
     if response.is_success:
-        return "", False
-    return f"status {response.status_code}", response.is_server_error or response.status_code in TRY_LATER
+        return _Answer.TAKEN, ""
+    reason = f"status {response.status_code}"
+    if response.is_server_error:
+        return _Answer.FAILED, reason
+    return _Answer.LATER if response.status_code in TRY_LATER else _Answer.REFUSED, reason

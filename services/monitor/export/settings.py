@@ -21,6 +21,7 @@ from pydantic import (
 from schemas.errors import SchemaError
 from schemas.keys import check_name
 from services.monitor.history.settings import NONE, HistoryUrl, default_url
+from services.option_names import given_as_options
 
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 FIRST_YEAR: Final = 1970
@@ -82,10 +83,10 @@ class ExportSettings(BaseModel):
         return to
 
     @model_validator(mode="after")
-    def _writes_a_file_if_it_exports(self) -> Self:
+    def _writes_a_file_if_it_exports(self, info: ValidationInfo) -> Self:
         if self.task == "export" and self.to is None:
             raise ValueError("export needs --to, the file to write")
-        if self.task != "export" and (given := self.model_fields_set - {"task", "history"}):
+        if self.task != "export" and (given := given_as_options(self, info) - {"task", "history"}):
             raise ValueError(f"{self.task} takes --history alone, and was given --{min(given)}")
         return self
 

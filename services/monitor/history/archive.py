@@ -6,11 +6,24 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, LargeBinary, Select, Table, and_, cast, func, or_, select, text, tuple_
+from sqlalchemy import (
+    ColumnElement,
+    LargeBinary,
+    Select,
+    Table,
+    and_,
+    cast,
+    false,
+    func,
+    or_,
+    select,
+    text,
+    tuple_,
+)
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from schemas.alerts import Alert, AlertState
-from services.monitor.history.counting import Counts, count_over_time, in_view, spoken_for
+from services.monitor.history.counting import Counts, count_over_time, in_view, nothing_counted, spoken_for
 from services.monitor.history.engine import CASEFOLD, engine_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
@@ -24,12 +37,14 @@ from services.monitor.inventory.sighting import NS
 ANY_LETTER: Final = "und-x-icu"
 """A collation of PostgreSQL's that knows the letters of all alphabets, whatever the database's own is."""
 
-
 HAS_ANY_LETTER: Final = text("SELECT count(*) FROM pg_collation WHERE collname = :name")
-
 
 BETWEEN: Final = "\x1f"
 """Between two names that are looked at together: that is several times as fast as one after the other."""
+
+
+NOWHERE: Final = "\0"
+"""A character that PostgreSQL has in no text, and takes in no parameter."""
 
 
 async def contains(
@@ -40,6 +55,10 @@ async def contains(
     Only names that have other letters than ASCII's take the slow way. PostgreSQL without ICU knows the letters of the
     database's own locale alone.
     """
+    if NOWHERE in wanted:
+        return false()
+    if BETWEEN in wanted and len(columns) > 1:
+        return or_(*[await contains(connection, [each], wanted) for each in columns])
     folded, column = wanted.casefold(), columns[0]
     for each in columns[1:]:
         column = column.concat(BETWEEN).concat(each)
@@ -94,6 +113,11 @@ class HistoryQuery:
     name: str = ""
     text: str = ""
 
+    @property
+    def is_nowhere(self) -> bool:
+        """Whether it is about a robot, camera or class that no database can have."""
+        return NOWHERE in self.robot + self.camera + self.name
+
 
 class Archive:
     """Reads the database of the history. Every method raises HistoryError: there is none, or it cannot be read."""
@@ -104,6 +128,8 @@ class Archive:
 
     async def sightings(self, asked: HistoryQuery, limit: int, after: SightingPlace | None = None) -> list[Interval]:
         """Return the newest intervals, those that began last first; after the place where another page ended."""
+        if asked.is_nowhere:
+            return []
         order = (intervals.c.since_ns, intervals.c.robot, intervals.c.camera, intervals.c.name)
         query = intervals.select().where(*_named(asked, intervals), intervals.c.since_ns <= asked.until_ns)
         query = _page(query, order, limit, after)
@@ -123,6 +149,8 @@ class Archive:
 
     async def counts(self, asked: HistoryQuery) -> Counts:
         """Return how many were in view over the time that is asked for, by class."""
+        if asked.is_nowhere:
+            return nothing_counted(asked.since_ns, asked.until_ns)
         async with self._connected() as connection:
             if connection.dialect.name == "postgresql":  # its compiler takes longer than the query
                 await connection.exec_driver_sql("SET LOCAL jit = off")
@@ -139,6 +167,8 @@ class Archive:
         self, asked: HistoryQuery, limit: int, after: AlertPlace | None = None, *, states: Sequence[AlertState] = ()
     ) -> list[Alert]:
         """Return the alerts that changed last, in one of the states if any are named."""
+        if asked.is_nowhere:
+            return []
         query = alerts.select().where(
             *_named(asked, alerts), alerts.c.raised_ns <= asked.until_ns, alerts.c.changed_ns >= asked.since_ns
         )

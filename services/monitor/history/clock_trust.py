@@ -24,10 +24,15 @@ class Doubt:
     believed_ns: int
     doubted_ns: int
 
+    @property
+    def is_behind(self) -> bool:
+        """Whether the clock showed less than it should have."""
+        return self.doubted_ns < self.believed_ns
+
     def __str__(self) -> str:
         """Say it in words."""
         days = abs(self.doubted_ns - self.believed_ns) / DAY_NS
-        where = "ahead of" if self.doubted_ns > self.believed_ns else "behind"
+        where = "behind" if self.is_behind else "ahead of"
         return (
             f"the clock of this machine is {days:.0f} days {where} the history, which was kept last at"
             f" {_moment(self.believed_ns)}: no old history is forgotten until both agree; {CURE}"
@@ -67,6 +72,7 @@ class ClockTrust:
         self._far_ns = far_ns
         self._believed: _Reading | None = None
         self._last: _Reading | None = None
+        self._set_back_ns = 0
 
     def begin(self, kept_ns: int, doubt: Doubt | None, steady_ns: int) -> None:
         """Take when history was kept last, 0 if never, and why a monitor before did not believe the clock.
@@ -80,29 +86,36 @@ class ClockTrust:
     def advance(self, now_ns: int, steady_ns: int) -> Correction | None:
         """Take what the clock shows; return what is to be corrected when it is right again after it was far ahead."""
         before, self._last = self._last, _Reading(now_ns, steady_ns)
+        set_back_ns = 0 if before is None else before.at(steady_ns) - now_ns
+        if set_back_ns > self._far_ns:
+            self._set_back_ns = set_back_ns
         expected_ns = now_ns if self._believed is None else self._believed.at(steady_ns)
         if abs(now_ns - expected_ns) > self._far_ns:
             self.doubt = self.doubt or Doubt(expected_ns, now_ns)
             return None
-        return self._believe(before)
+        return self._believe()
 
     def trust(self) -> Correction | None:
-        """Take that somebody who knows says that the clock is right; return as `advance` does."""
-        if self._last is None:
-            return None
-        return self._believe(None)
+        """Take that somebody who knows says that the clock is right; return as `advance` does.
 
-    def _believe(self, before: _Reading | None) -> Correction | None:
-        doubt, self.doubt, self._believed = self.doubt, None, self._last
-        assert self._last is not None, "the clock was read"  # noqa: S101 - for the type
-        now_ns = self._last.clock_ns
-        if doubt is None or doubt.doubted_ns < doubt.believed_ns or now_ns >= doubt.doubted_ns:
+        What was kept was kept by a clock that was ahead only if that was set back since, by more than a little.
+        """
+        if self._last is None or self.doubt is None:
             return None
-        from_ns = (doubt.believed_ns + doubt.doubted_ns) // 2  # it was ahead for a while before that was noticed
-        set_back_ns = 0 if before is None else before.at(self._last.steady_ns) - now_ns
-        if set_back_ns > self._far_ns:  # just now, and so it is known by how much
-            return Correction(from_ns, set_back_ns)
-        return Correction(from_ns, doubt.doubted_ns - doubt.believed_ns)
+        doubt, set_back_ns, now_ns = self.doubt, self._set_back_ns, self._last.clock_ns
+        correction = self._believe()
+        if set_back_ns and doubt.is_behind:  # it was ahead from the first start on
+            return Correction(now_ns + set_back_ns // 2, set_back_ns)
+        return correction if set_back_ns or doubt.doubted_ns - now_ns > self._far_ns else None
+
+    def _believe(self) -> Correction | None:
+        doubt, self.doubt, self._believed = self.doubt, None, self._last
+        set_back_ns, self._set_back_ns = self._set_back_ns, 0
+        assert self._last is not None, "the clock was read"  # noqa: S101 - for the type
+        if doubt is None or doubt.is_behind or self._last.clock_ns >= doubt.doubted_ns:
+            return None
+        ahead_ns = set_back_ns or doubt.doubted_ns - doubt.believed_ns  # the former is known, the latter about right
+        return Correction(doubt.doubted_ns - ahead_ns // 2, ahead_ns)  # it was ahead before that was noticed
 
 
 def _moment(at_ns: int) -> str:

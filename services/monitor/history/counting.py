@@ -1,7 +1,8 @@
 """How many were in view over time, counted by the database: the most of each slot of time.
 
-Where little happened it is counted exactly. Where much did, as in a year of twenty robots, the database looks at every
-place at a number of moments, evenly spread: a look is a step in an index, however long the history is.
+Where little happened it is counted exactly, whether that is in all of the time or at the places that are asked for.
+Where much did, as in a year of twenty robots, the database looks at every place at a number of moments, evenly spread:
+a look is a step in an index, however long the history is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ from sqlalchemy import (
     case,
     cast,
     func,
+    join,
     literal,
     select,
     true,
@@ -83,6 +85,18 @@ class Counted:
     where: Where
     open_until_ns: int
 
+    def at(self, since_ns: int, until_ns: int) -> FromClause:
+        """Return the rows of the places that may have lasted at a time between two, found by the primary key.
+
+        At one place they follow each other, so of those that began before only the newest may last until then.
+        """
+        places, of = places_of(self.table), self.table.c
+        same = [of[column.name] == places.c[column.name] for column in places.c]
+        newest = select(func.max(of.since_ns)).where(*same, of.since_ns <= since_ns).scalar_subquery()
+        some = select(*places.c, func.coalesce(newest, since_ns).label("from_ns")).where(*self.here(places)).cte()
+        same = [of[column.name] == some.c[column.name] for column in places.c]
+        return join(some, self.table, and_(*same, of.since_ns >= some.c.from_ns, of.since_ns < until_ns))
+
     def here(self, of: FromClause) -> list[ColumnElement[bool]]:
         """Return what finds the places in a table, or query; not by their index, that of times finds fewer rows."""
         found = [of.c[column].concat("") == value for column, value in self.places.items()]
@@ -99,20 +113,27 @@ def spoken_for(places: Mapping[str, str], open_until_ns: int) -> Counted:
     return Counted(presence, "", literal(1), places, (), open_until_ns)
 
 
+def nothing_counted(since_ns: int, until_ns: int) -> Counts:
+    """Return the counts of a camera that there is not."""
+    return Counts(_slots(since_ns, until_ns, SLOTS), {}, frozenset())
+
+
 async def count_over_time(
     connection: AsyncConnection, seen: Counted, spoken: Counted, since_ns: int, until_ns: int
 ) -> Counts:
     """Count what was in view between two times, and find when any camera was spoken for."""
     both, slots = (seen, spoken), _slots(since_ns, until_ns, SLOTS)
-    if all([await _number_since(connection, each.table, since_ns) <= EXACT for each in both]):
-        exact = [(await connection.execute(_counted(each, slots))).all() for each in both]
-        most, there = (_carried(rows, slots) for rows in exact)
-    else:
-        places = sum([await _number_of_places(connection, each) for each in both])
-        slots = _slots(since_ns, until_ns, max(FEWEST_SLOTS, min(SLOTS, LOOKS // max(1, places))))
-        looks = min(MOST_LOOKS, max(1, LOOKS // max(1, places * slots.number)))
-        looked = [(await connection.execute(_looked_at(each, slots, looks))).all() for each in both]
-        most, there = map(_by_class, looked)
+    exactly = [await _rows(connection, each, slots) for each in both]
+    looked_at = [each for each, rows in zip(both, exactly, strict=True) if rows is None]
+    places = sum([await _number_of_places(connection, each) for each in looked_at])
+    slots = _slots(since_ns, until_ns, max(FEWEST_SLOTS, min(SLOTS, LOOKS // max(1, places))))
+    looks = min(MOST_LOOKS, max(1, LOOKS // max(1, places * slots.number)))
+    most, there = [
+        _by_class((await connection.execute(_looked_at(each, slots, looks))).all())
+        if rows is None
+        else _carried((await connection.execute(_counted(each, rows, slots))).all(), slots)
+        for each, rows in zip(both, exactly, strict=True)
+    ]
     return Counts(slots, most, set().union(*there.values(), *most.values()))
 
 
@@ -120,10 +141,20 @@ def _slots(since_ns: int, until_ns: int, number: int) -> Slots:
     return Slots(since_ns, until_ns, max(1, -(-(until_ns - since_ns) // number)))
 
 
-async def _number_since(connection: AsyncConnection, table: Table, since_ns: int) -> int:
-    """Return how many rows lasted until then; no more than EXACT and one are looked at."""
-    some = select(table.c.until_ns).where(table.c.until_ns >= since_ns).limit(EXACT + 1).subquery()
-    return await connection.scalar(select(func.count()).select_from(some)) or 0
+async def _rows(connection: AsyncConnection, wanted: Counted, slots: Slots) -> FromClause | None:
+    """Return where the rows are that are counted exactly; None where these are more than EXACT."""
+    table = wanted.table
+    if await _are_few(connection, select(table.c.until_ns).where(table.c.until_ns >= slots.since_ns)):
+        return table
+    at = wanted.at(slots.since_ns, slots.until_ns)
+    if wanted.places and await _are_few(connection, select(table.c.since_ns).select_from(at)):
+        return at
+    return None
+
+
+async def _are_few(connection: AsyncConnection, rows: Select[Any]) -> bool:
+    """Whether there are no more than EXACT; no more than that and one are looked at."""
+    return (await connection.scalar(select(func.count()).select_from(rows.limit(EXACT + 1).subquery())) or 0) <= EXACT
 
 
 async def _number_of_places(connection: AsyncConnection, wanted: Counted) -> int:
@@ -131,8 +162,8 @@ async def _number_of_places(connection: AsyncConnection, wanted: Counted) -> int
     return await connection.scalar(select(func.count()).select_from(at).where(*wanted.here(at))) or 0
 
 
-def _counted(wanted: Counted, slots: Slots) -> Select[Any]:
-    """Return what finds by class and slot its first change, the most at once, and by how many there are more after."""
+def _counted(wanted: Counted, rows: FromClause, slots: Slots) -> Select[Any]:
+    """Return what finds in some rows, by class and slot: its first change, the most at once, how many more are left."""
     table, count, of = wanted.table, wanted.count, wanted.table.c
     name = of[wanted.name] if wanted.name else literal("")
     ends = case((of.open, wanted.open_until_ns), else_=of.until_ns)
@@ -145,8 +176,8 @@ def _counted(wanted: Counted, slots: Slots) -> Select[Any]:
     )
     here = (*here, ends > of.since_ns)
     begins = case((of.since_ns < slots.since_ns, slots.since_ns), else_=of.since_ns)
-    more = select(name.label("name"), begins.label("at_ns"), count.label("more")).where(*here)
-    fewer = select(name, ends, -count).where(*here, ends < slots.until_ns)
+    more = select(name.label("name"), begins.label("at_ns"), count.label("more")).select_from(rows).where(*here)
+    fewer = select(name, ends, -count).select_from(rows).where(*here, ends < slots.until_ns)
     moves = union_all(more, fewer).cte()
     at_once = select(moves.c.name, moves.c.at_ns, cast(func.sum(moves.c.more), BigInteger).label("more"))
     at_once_ = at_once.group_by(moves.c.name, moves.c.at_ns).cte()

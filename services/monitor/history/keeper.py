@@ -85,15 +85,12 @@ class HistoryKeeper:
         self._heeded_ns = time.time_ns()
         self._silence = Silence(inventory, self._sightings)
         self._store: Store | None = None
-        self._had = False
         self._problem = ""
-        self._writes = False
+        self._had = self._writes = False
         self._leads = settings.history == NONE
         self._leader = ""
-        self._asked = False
-        self._follows = False
+        self._asked = self._follows = self._loaded = False
         self._may_lead_s = 0.0
-        self._loaded = False
         self._owed = Owed(owing or Nothing())
         self._upkeep = Upkeep(settings.history, settings.history_days)
 
@@ -176,6 +173,7 @@ class HistoryKeeper:
         try:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._watch())
+                group.create_task(self._upkeep.run())
                 while True:
                     wait_s = await uninterrupted(self._attempt())
                     await asyncio.sleep(wait_s)
@@ -246,6 +244,8 @@ class HistoryKeeper:
 
     async def _go_on(self, store: Store) -> None:
         """Go on where whoever wrote before stopped."""
+        if not await self._upkeep.correct(store):
+            return
         await self._upkeep.begin(store)
         gap_ns, heartbeat_ns = self._inventory.limits.lost_ns, await store.heartbeat_ns()
         kept: Kept = await store.load(heartbeat_ns - gap_ns)
@@ -273,6 +273,8 @@ class HistoryKeeper:
         now_ns = time.time_ns()
         if (correction := await self._upkeep.check_clock(store, now_ns)) is not None:
             self._correct(correction, now_ns)
+        if not await self._upkeep.correct(store):
+            return
         self._silence.note(now_ns)
         for _ in range(len(self._ledger) // BATCH):
             some = self._ledger.pending(BATCH)
@@ -283,16 +285,17 @@ class HistoryKeeper:
         self._written(some, changed, acts)
         await self._write_forgotten(store)
         await self._owed.write(store)
-        await self._upkeep.prune(now_ns)
         if time.monotonic() >= self._poses_due_s:
             await self._write_poses(store)
 
     def _correct(self, correction: Correction, now_ns: int) -> None:
-        """Correct what is not written yet as it was corrected in the database."""
+        """Correct what is not written yet as it is corrected in the database."""
         of = correction.corrected
         self._inventory.set_back(now_ns)
         self._ledger.correct(of)
         self._alerts = {name: at_other_times(alert, of) for name, alert in self._alerts.items()}
+        self._new_acts = deque((act.at_other_time(of) for act in self._new_acts), maxlen=MAX_ALERTS)
+        self.acts.correct(of)
         self._forgotten = {robot: of(at_ns) for robot, at_ns in self._forgotten.items()}
         self._heeded_ns = of(self._heeded_ns)
 
@@ -311,9 +314,7 @@ class HistoryKeeper:
 
     def _written(self, some: Iterable[StoredInterval], changed: dict[str, Alert], acts: AbstractSet[Act]) -> None:
         self._ledger.written(some)
-        for name, alert in changed.items():
-            if self._alerts.get(name) is alert:
-                del self._alerts[name]
+        self._alerts = {name: alert for name, alert in self._alerts.items() if changed.get(name) is not alert}
         self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
 
     async def _fail(self, error: HistoryError) -> None:
@@ -326,7 +327,7 @@ class HistoryKeeper:
         await self._close()
 
     async def _close(self) -> None:
-        await self._upkeep.close()
+        self._upkeep.pause()
         store, self._store = self._store, None
         if store is not None:
             self._had = True

@@ -15,6 +15,7 @@ from services.monitor.history.engine import file_of, name_of, private_file, tran
 from services.monitor.history.errors import HistoryError, OtherVersionError
 from services.monitor.history.tables import (
     SCHEMA_VERSION,
+    clock_correction,
     clock_doubt,
     forgotten,
     metadata,
@@ -26,7 +27,9 @@ from services.monitor.history.tables import (
 
 OURS: Final = f"this one's are version {SCHEMA_VERSION}"
 
-LATER: Final = frozenset({schema_version.name, forgotten.name, clock_doubt.name, webhook_backlog.name})
+LATER: Final = frozenset(
+    table.name for table in (schema_version, forgotten, clock_doubt, clock_correction, webhook_backlog)
+)
 """Tables that came later, which who reads does without."""
 
 LATER_INDEXES: Final = (open_intervals, open_alerts)

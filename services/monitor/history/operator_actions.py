@@ -25,6 +25,10 @@ class Act:
     who: str
     at_ns: int
 
+    def at_other_time(self, corrected: Callable[[int], int]) -> "Act":
+        """Return it with its time corrected."""
+        return Act(self.alert_id, self.state, self.who, corrected(self.at_ns))
+
 
 class Acts:
     """The acts of each alert, in order."""
@@ -41,6 +45,11 @@ class Acts:
                 self._acts.move_to_end(act.alert_id)
         while len(self._acts) > MAX_ALERTS:
             self._acts.popitem(last=False)
+
+    def correct(self, corrected: Callable[[int], int]) -> None:
+        """Correct the times of all."""
+        for name, acts in self._acts.items():
+            self._acts[name] = tuple(act.at_other_time(corrected) for act in acts)
 
     def of(self, alert_id: str) -> tuple[Act, ...]:
         """Return what was done with an alert."""

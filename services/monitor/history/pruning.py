@@ -12,7 +12,7 @@ from services.monitor.history.engine import engine_of, file_of, name_of, transla
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.opening import connect
 from services.monitor.history.rows import TABLES
-from services.monitor.history.tables import acts, alerts, forgotten, poses
+from services.monitor.history.tables import acts, alerts, forgotten, poses, webhook_backlog
 
 SLICE: Final = 10_000
 """Rows of a table that are forgotten, or looked at, at once: a database takes its time over many, and others wait."""
@@ -74,12 +74,14 @@ def _of_robots(table: Table, before_ns: int) -> Step:
 
 
 async def _prune_alerts(connection: AsyncConnection, before_ns: int) -> bool:
-    """Forget resolved alerts, and what people did with them."""
+    """Forget resolved alerts, what people did with them, and that webhooks did not take alerts that are gone."""
     old = (alerts.c.changed_ns < before_ns) & (alerts.c.state == AlertState.RESOLVED)
     last_ns, is_all = await _slice(connection, alerts.c.changed_ns, old, before_ns)
     old &= alerts.c.changed_ns <= last_ns
     await connection.execute(delete(acts).where(acts.c.alert_id.in_(select(alerts.c.id).where(old))))
     await connection.execute(delete(alerts).where(old))
+    is_gone = ~exists().where(alerts.c.id == webhook_backlog.c.alert_id)
+    await connection.execute(delete(webhook_backlog).where(is_gone))
     return is_all
 
 
@@ -113,8 +115,9 @@ LONG_S: Final = 3_600.0
 async def compact(url: str) -> str:
     """Write an SQLite file anew, so that it shrinks by itself from then on; return in words what was done.
 
-    A file that an earlier release made does so only after this. It takes as much free disk as the file has, and a
-    monitor that runs keeps no history meanwhile: what changes waits.
+    A file that an earlier release made does so only after this. It takes up to as much free disk as the file has twice:
+    for SQLite's temporary copy in SQLITE_TMPDIR, else TMPDIR, else /var/tmp, and for `-wal` beside the file. A monitor
+    that runs keeps no history meanwhile: what changes waits.
 
     Raises:
         HistoryError: it is no SQLite file, or cannot be written.

@@ -14,7 +14,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert
 from services.monitor.history.clock_trust import Correction, Doubt
-from services.monitor.history.correcting import corrections
+from services.monitor.history.correcting import begin_correcting, correct_some
 from services.monitor.history.engine import (
     LEADER,
     TELL_NAME,
@@ -278,11 +278,16 @@ class Store:
             return bool((await self._connection.execute(clock_doubt.update().values(trusted=True))).rowcount)
 
     async def end_clock_doubt(self, correction: Correction | None) -> None:
-        """Write that the clock is believed, and correct what was kept by one that was ahead."""
+        """Write that the clock is believed, and what `correct` is to correct, as it was kept by one that was ahead."""
         async with self._at_hand(), self._connection.begin():
             await self._connection.execute(clock_doubt.delete())
-            for statement in [] if correction is None else corrections(correction):
-                await self._connection.execute(statement)
+            if correction is not None:
+                await begin_correcting(self._connection, correction)
+
+    async def correct(self) -> bool:
+        """Correct some of what was kept by a clock that was ahead; return False if there was nothing to correct."""
+        async with self._at_hand(), self._connection.begin():
+            return await correct_some(self._connection)
 
     async def prune(self, before_ns: int) -> bool:
         """Forget what ended before then, about SLICE rows of a kind at a time; return whether that was all.
@@ -298,6 +303,13 @@ class Store:
                 whole &= await shrink(self._connection)
                 await self._connection.commit()
         return whole
+
+    async def interrupt(self) -> bool:
+        """Have SQLite fail at what it does now, as a statement whose task is cancelled goes on; False for others."""
+        if self._files is not None and not self._connection.closed:
+            driver: Any = (await self._connection.get_raw_connection()).driver_connection
+            await driver.interrupt()
+        return self._files is not None
 
     async def close(self) -> None:
         """Let go of the connection and the lock; raises nothing."""

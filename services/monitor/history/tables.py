@@ -156,6 +156,19 @@ clock_doubt: Final = Table(
 trusted: somebody said since that the clock is right.
 """
 
+clock_correction: Final = Table(
+    "clock_correction",
+    metadata,
+    Column("name", String(32), primary_key=True),
+    Column("from_ns", BigInteger, primary_key=True),
+    Column("ahead_ns", BigInteger, nullable=False),
+    Column("next_ns", BigInteger, nullable=False),
+)
+"""The tables, by name, of which times from `from_ns` on are to be set back by `ahead_ns`: the clock was ahead.
+
+Rows before `next_ns` are corrected already.
+"""
+
 heartbeat: Final = Table(
     "heartbeat",
     metadata,

@@ -16,6 +16,9 @@ class Owing(Protocol):
     def owed(self) -> Iterator[tuple[str, Alert]]:
         """Yield those that were not taken yet."""
 
+    def owed_changes(self) -> int:
+        """Return how often these have changed."""
+
 
 class Nothing:
     """Owes nobody anything."""
@@ -27,6 +30,10 @@ class Nothing:
         """Yield none."""
         return iter(())
 
+    def owed_changes(self) -> int:
+        """Never."""
+        return 0
+
 
 class Owed:
     """Writes what is owed, as far as that changed."""
@@ -34,19 +41,24 @@ class Owed:
     def __init__(self, owing: Owing) -> None:
         self._owing = owing
         self._written: set[tuple[str, str]] = set()
+        self._changes = -1
 
     def begin(self, kept: Iterable[tuple[str, Alert]], *, leads: bool) -> None:
         """Take what a database has of it. leads: this monitor has raised the alerts all along, and knows better."""
-        kept = list(kept)
+        kept, self._changes = list(kept), -1
         self._written = {(name, alert.id) for name, alert in kept}
         if not leads:
             self._owing.owe(kept)
 
     async def write(self, store: Store) -> None:
         """Write it; after the alerts themselves."""
+        changes = self._owing.owed_changes()
+        if changes == self._changes:  # most of the time, and there may be thousands
+            return
         owed = {(name, alert.id): alert for name, alert in self._owing.owed()}
         waiting = [(name, alert) for (name, alert_id), alert in owed.items() if (name, alert_id) not in self._written]
         taken = self._written - owed.keys()
         if waiting or taken:
             await store.owe(waiting, taken)
             self._written = set(owed)
+        self._changes = changes

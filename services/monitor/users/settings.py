@@ -2,10 +2,11 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import BaseModel, Field, ValidationInfo, model_validator
 
 from services.monitor.history.settings import HistoryUrl, default_url
 from services.monitor.web.auth.users import Role
+from services.option_names import given_as_options
 
 
 class UsersSettings(BaseModel):
@@ -27,13 +28,13 @@ class UsersSettings(BaseModel):
     )
 
     @model_validator(mode="after")
-    def _gives_a_role_to_somebody(self) -> Self:
-        if self.role is not None and self.task not in {"add", "reset"}:
+    def _gives_a_role_to_somebody(self, info: ValidationInfo) -> Self:
+        if self.role is not None and "role" in given_as_options(self, info) and self.task not in {"add", "reset"}:
             raise ValueError(f"{self.task} was given a role, and only add and reset take a role")
         return self
 
     @model_validator(mode="after")
-    def _gives_days_to_a_token(self) -> Self:
-        if "days" in self.model_fields_set and self.task != "token":
+    def _gives_days_to_a_token(self, info: ValidationInfo) -> Self:
+        if "days" in given_as_options(self, info) and self.task != "token":
             raise ValueError(f"{self.task} was given days, and only token takes days")
         return self

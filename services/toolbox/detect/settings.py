@@ -3,19 +3,20 @@
 from pathlib import Path
 from typing import Annotated, Final, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from bus.settings import BusSettings
 from schemas.printing import printable
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings, LookSettings, Runtime
+from services.option_names import given_as_options
 
 SUFFIXES: Final = ("", ".jpg", ".jpeg")
 """Of a JPEG file; a device has none."""
 
 
 LOCAL: Final = {"model", "runtime", *LookSettings.model_fields} - {"cache", "device", "threads"}
-"""Settings that change what --local finds, and say nothing to a worker. The others may stand in an environment that
-other commands share."""
+"""Settings that change what --local finds, and say nothing to a worker. As options they are refused without --local; in
+an environment or a file, which other commands share, they may stand."""
 
 
 class DetectSettings(LookSettings, BusSettings):
@@ -45,12 +46,12 @@ class DetectSettings(LookSettings, BusSettings):
     timeout_s: Annotated[float, Field(gt=0, le=60, description="seconds to wait for a worker and its answer")] = 10.0
 
     @model_validator(mode="after")
-    def _reads_and_writes(self) -> Self:
+    def _reads_and_writes(self, info: ValidationInfo) -> Self:
         try:
             self._check_files()
         except OSError as error:  # a name that is too long, a folder that may not be looked into
             raise ValueError(f"{printable(str(error.filename))}: {error.strerror}") from error
-        if not self.local and (given := sorted(LOCAL & self.model_fields_set)):
+        if not self.local and (given := sorted(LOCAL & given_as_options(self, info))):
             raise ValueError(f"--{given[0].replace('_', '-')} is for --local: workers have their own")
         return self
 

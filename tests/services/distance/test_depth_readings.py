@@ -39,6 +39,32 @@ def test_readings_are_the_masks_own_ascending_with_their_places() -> None:
     assert np.allclose(found.mean_m[:2], [depth_m[NEAR, columns].mean(dtype=np.float64) for columns in (NEAR, FAR)])
 
 
+@pytest.mark.parametrize(("height", "width"), [(240, 320), (480, 640), (720, 1280)])
+@pytest.mark.parametrize(
+    ("high", "wide", "rim"),
+    [
+        *((side, side, 3) for side in (10, 12)),
+        *((side, side, 5) for side in (20, 30)),
+        *((side, side, 6) for side in (24, 42)),
+        *((side, side, 8) for side in (30, 66, 100)),
+        *((200, 5, 2), (200, 7, 3), (200, 8, 3), (200, 20, 5), (200, 40, 8)),
+    ],
+)
+def test_a_black_object_is_not_told_the_walls_distance_in_an_image_of_any_size(
+    height: int, width: int, high: int, wide: int, rim: int
+) -> None:
+    """Its mask is `rim` pixels too large on each side, as at the width of one cell of a model's prototypes."""
+    mask = np.zeros((height, width), np.bool_)
+    mask[20 : 20 + high, 100 : 100 + wide] = True
+    depth_m = np.full((height, width), 5, np.float32)
+    depth_m[20 + rim : 20 + high - rim, 100 + rim : 100 + wide - rim] = np.nan
+    window = decode(coco_mask(mask), margin=RING)
+    assert pick([window], Depth(depth_m), Criteria()).own.tolist() == [False]
+    depth_m[mask] = 2
+    depth_m[20 : 20 + high : 4, 100 : 100 + wide : 2] = np.nan  # an eighth of it, as noise takes readings
+    assert pick([window], Depth(depth_m), Criteria()).own.tolist() == [True]
+
+
 def test_what_is_around_is_within_the_ring_and_not_of_the_mask() -> None:
     depth_m = np.full((HEIGHT, WIDTH), 9, np.float32)
     depth_m[NEAR, NEAR] = 1

@@ -92,7 +92,7 @@ def widened(pixels: int) -> Window:
     return window(slice(rows.start - pixels, rows.stop + pixels), slice(columns.start - pixels, columns.stop + pixels))
 
 
-@pytest.mark.parametrize("too_large", [1, 2, 3])
+@pytest.mark.parametrize("too_large", [1, 2, 3, 5, 8, 12])
 def test_an_object_that_gives_no_depth_has_none_of_its_own_however_much_too_large_its_mask_is(too_large: int) -> None:
     depth = floor()
     depth[BOX] = NAN

@@ -43,7 +43,28 @@ def test_another_address_is_told_where_one_is_named() -> None:
     assert endpoints_to_join(MonitorSettings.model_validate(named)) == ["tls/central.example:17447"]
 
 
-@pytest.mark.parametrize("wrong", ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/central:0", "central:7447"])
+@pytest.mark.parametrize(("listen", "wanted"), [("tcp/0.0.0.0:7447", False), ("tcp/[::]:7447", True)])
+def test_an_address_is_of_a_family_that_is_listened_on(
+    monkeypatch: pytest.MonkeyPatch, listen: str, *, wanted: bool
+) -> None:
+    class Six(socket.socket):
+        """Of a machine whose only route to others is of IPv6, which none is in a test."""
+
+        def connect(self, _address: object) -> None:
+            if self.family == socket.AF_INET:
+                raise OSError("Network is unreachable")
+
+        def getsockname(self) -> tuple[str, int, int, int]:
+            return "2001:db8::5", 1, 0, 0
+
+    monkeypatch.setattr("services.monitor.join_address.socket.socket", Six)
+    assert (told(listen=[listen]) == "tcp/[2001:db8::5]:7447") is wanted
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    ["tcp/0.0.0.0:7447", "tcp/[::]:7447", "tcp/[::ffff:0.0.0.0]:7447", "tcp/central:0", "central:7447"],
+)
 def test_an_address_that_nobody_can_connect_to_is_refused(wrong: str) -> None:
     with pytest.raises(ValidationError) as caught:
         MonitorSettings.model_validate({"advertise": wrong})

@@ -6,11 +6,18 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+import yaml
+from pydantic import BaseModel
 
+from services.monitor.export.settings import ExportSettings
+from services.monitor.users.settings import UsersSettings
 from services.simulator.settings import SimulatorSettings
 from services.toolbox import process
 from services.toolbox.command_line import main
 from services.toolbox.commands import COMMANDS
+from services.toolbox.detect.settings import DetectSettings
+from services.toolbox.errors import UsageError
+from services.toolbox.settings import load
 
 
 def test_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -195,3 +202,32 @@ def test_settings_that_make_no_sense_are_refused_by_name(
 def test_a_bag_is_written_whatever_master_ros_knows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_MASTER_URI", "http://robot:11311")
     assert SimulatorSettings.model_validate({"bag": "{robot}.bag"}).ros_master == "http://robot:11311"
+
+
+@pytest.mark.parametrize(
+    ("argv", "model", "others"),
+    [
+        (["--image", __file__], DetectSettings, {"confidence": 0.4, "runtime": "onnx", "model": "a.pt", "nms": True}),
+        (
+            ["--task", "compact", "--history", "sqlite:////nowhere"],
+            ExportSettings,
+            {"robot": "r1", "camera": "front", "bom": True},
+        ),
+        (["--task", "list"], UsersSettings, {"role": "viewer", "days": 3}),
+        (["--bag", "a.bag"], SimulatorSettings, {"ros_master": "http://robot:11311", "summary": True}),
+    ],
+    ids=lambda each: each.__name__ if isinstance(each, type) else "",
+)
+def test_an_environment_or_a_file_of_several_commands_may_say_more_than_one_of_them_takes(
+    argv: list[str], model: type[BaseModel], others: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "shared.yaml"
+    file.write_text(yaml.safe_dump(others), encoding="utf-8")
+    load(model, [*argv, "--config", str(file)], prog="fleetsight")
+    for name, value in others.items():
+        monkeypatch.setenv(f"FLEETSIGHT_{name.upper()}", str(value))
+    load(model, argv, prog="fleetsight")
+    for name, value in others.items():
+        option = f"--{name.replace('_', '-')}"
+        with pytest.raises(UsageError, match=rf"{option}|{name}"):
+            load(model, [*argv, option if value is True else f"{option}={value}"], prog="fleetsight")

@@ -2,6 +2,7 @@
 
 import collections
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -109,7 +110,17 @@ def test_weights_that_are_not_here_are_asked_for_only_where_that_is_allowed(
     assert asked == ["yolov5s.pt"]
 
 
-@pytest.mark.parametrize("names", [["a", "b", "c", "d"], ("a", "b", "c", "d"), {3: "d", 2: "c", 1: "b", 0: "a"}])
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["a", "b", "c", "d"],
+        ("a", "b", "c", "d"),
+        {3: "d", 2: "c", 1: "b", 0: "a"},
+        {0.0: "a", 1.0: "b", 2.0: "c", 3.0: "d"},
+        {"0": "a", "1": "b", "2": "c", "3": "d"},
+        {np.int64(0): "a", np.int64(1): "b", np.int64(2): "c", np.int64(3): "d"},
+    ],
+)
 def test_classes_may_be_renamed_by_a_list(names: object, built: Any, tmp_path: Path, model_folder: Path) -> None:
     built.names = names
     model = loaded(written(built, tmp_path / "renamed.pt"), model_folder)
@@ -129,6 +140,13 @@ def test_half_a_character_in_a_classs_name_is_its_escape(built: Any, tmp_path: P
         (list("abcdef"), "6 names for 4 classes"),
         ({1: "a", 2: "b", 3: "c", 4: "d"}, "names of other classes"),
         ({"a": 0, "b": 1, "c": 2, "d": 3}, "names of other classes"),
+        ({0: "a", 1: "b", 2: "c", 2.5: "d"}, "names of other classes"),
+        ({0: "a", "0": "b", 1: "c", 2: "d"}, "names of other classes"),
+        ({"a", "b", "c", "d"}, "its names are a set, neither a list nor a dictionary"),
+        ("abcd", "its names are a str, neither a list nor a dictionary"),
+        ("", "its names are a str, neither a list nor a dictionary"),
+        (["a", "", "c", "d"], "class 1 has an empty name"),
+        ({0: "a", 1: "b", 2: " ", 3: "d"}, "class 2 has an empty name"),
     ],
 )
 def test_names_that_are_not_one_for_each_class(
@@ -179,6 +197,61 @@ def test_a_model_of_images_of_other_channels(channels: int, tmp_path: Path, mode
     assert refusal(file, model_folder) == (
         f"it is for images of {channels} channels, and cameras have 3: train it on RGB"
     )
+
+
+@pytest.mark.parametrize(
+    "content", [b"<!DOCTYPE html>" * 50, b"version https://git-lfs.github.com/spec/v1\noid sha256:aa\nsize 5\n"]
+)
+def test_a_page_or_a_pointer_instead_of_the_file_is_not_written_by_torch(
+    content: bytes, tmp_path: Path, model_folder: Path
+) -> None:
+    (tmp_path / "page.pt").write_bytes(content)
+    assert refusal(tmp_path / "page.pt", model_folder) == "damaged, or not written by torch"
+
+
+def test_a_file_without_a_model_says_what_it_holds_instead(tmp_path: Path, model_folder: Path, built: Any) -> None:
+    import torch  # noqa: PLC0415 - after `keep_offline`
+
+    state = built.state_dict()
+    first, second, third = list(state)[:3]
+    for content, held in (
+        (state, f"only {first} (Tensor), {second} (Tensor), {third} (Tensor), ..."),
+        ({"state_dict": dict(state), "epoch": 3}, "only state_dict (dict), epoch (int)"),
+        ({"model": dict(state)}, "only model (dict)"),
+        ({"model": None}, "only model (NoneType)"),
+        ({"a\nb": 1}, "only a\\nb (int)"),
+        ({}, "it is empty"),
+        ([1, 2], "only a list"),
+        (torch.zeros(3), "only a Tensor"),
+    ):
+        torch.save(content, tmp_path / "part.pt")
+        assert refusal(tmp_path / "part.pt", model_folder) == (
+            f"it holds no model, {held}: save the whole checkpoint, as Ultralytics' model.save() does"
+        )
+
+
+def test_ultralytics_looks_for_files_as_before_once_loads_that_overlap_are_done(built: Any) -> None:
+    from services.detector.runtime.checkpoint import exact_names  # noqa: PLC0415 - after `keep_offline`
+
+    del built  # it has imported Ultralytics offline
+    from ultralytics.utils import downloads  # noqa: PLC0415 - as above
+
+    theirs = downloads.attempt_download_asset
+    entered, left = threading.Event(), threading.Event()
+
+    def load_too() -> None:
+        with exact_names():
+            entered.set()
+            left.wait(10)
+
+    other = threading.Thread(target=load_too)
+    with exact_names():
+        other.start()
+        entered.wait(0.2)
+    left.set()
+    other.join()
+    assert entered.is_set()
+    assert downloads.attempt_download_asset is theirs
 
 
 def test_what_is_said_of_a_file_names_it_once(tmp_path: Path, model_folder: Path) -> None:

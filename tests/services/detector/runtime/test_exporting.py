@@ -15,6 +15,7 @@ from services.detector.runtime.exporting import (
     ABANDONED_S,
     FILES,
     MAKING,
+    _without_graphs,
     entry,
     exported,
     installed,
@@ -236,3 +237,12 @@ def test_a_model_that_cannot_be_exported_is_one_line_and_no_graph(
     ):
         exported(weights, "onnx", tmp_path / "cache", "cpu", 64, gpu="", spare=tmp_path / "spare")
     assert capfd.readouterr().out == ""
+
+
+def test_a_torch_that_has_no_switch_for_graphs_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    import torch  # noqa: PLC0415 - it is heavy
+
+    monkeypatch.delattr(torch._C, "_jit_set_onnx_log_enabled")
+    with _without_graphs():
+        assert not hasattr(torch._C, "_jit_set_onnx_log_enabled")
+    assert not hasattr(torch._C, "_jit_set_onnx_log_enabled")

@@ -85,6 +85,26 @@ def test_a_steady_object_of_a_model_that_is_not_known_has_a_number_at_most_a_fra
         assert ours[0] <= (bare[0] + 1 if bare else 2)  # later than in the first frame, low scores have none there
 
 
+@pytest.mark.parametrize(("kind", "sightings"), [("botsort", 2), ("bytetrack", 3)])
+@pytest.mark.parametrize(
+    ("confidence", "score"), [(0.1, 0.2), (0.1, 0.1), (0.05, 0.06), (0.0, 0.01), (0.25, 0.25), (0.6, 0.6), (0.9, 0.9)]
+)
+def test_an_object_that_is_reported_a_few_times_has_a_number_whatever_the_confidence_and_also_once_it_is_tuned(
+    kind: str, sightings: int, confidence: float, score: float, model_folder: Path
+) -> None:
+    keep_offline(model_folder / "ultralytics", download=False)
+    from services.detector.tracking.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
+
+    chosen = [0.95]
+    tracker = UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack", lambda: neutral_score(chosen[0]))
+    picture = textured(240, 320)
+    assert list(tracker.update([], frame_of(picture, seq=0))) == []
+    chosen[0] = confidence
+    found = [Detection(name="box", score=score, box=Box(10, 20, 50, 60))]
+    numbers = [list(tracker.update(found, frame_of(picture, seq=1 + step))) for step in range(sightings)]
+    assert numbers[-1] == [1]
+
+
 def follower(model_folder: Path, hz: int = 5) -> Callable[..., int | None]:
     """Return what shows a tracker a thing, or None, in a picture that stays as it is, and returns its number."""
     tracker, picture = tracker_in(model_folder), textured(240, 320)

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -126,3 +127,23 @@ async def test_alerts_come_by_their_last_change_and_state_with_what_was_done(url
 async def test_without_a_history_there_is_nothing_to_read() -> None:
     with pytest.raises(HistoryError, match="--history none"):
         await Archive(NONE).sightings(HistoryQuery(), 1)
+
+
+async def test_a_text_with_control_characters_is_found_where_it_is_and_is_no_error(url: str) -> None:
+    async with opened(url) as store:
+        await store.write([interval(1, 2), interval(3, 4, name="a\x1fb")], [alert()], 9 * S)
+    archive = Archive(url)
+    found = {
+        text: [each.name for each in await archive.sightings(HistoryQuery(text=text), 9)] for text in ("\x1f", "A\x1fB")
+    }
+    assert found == {"\x1f": ["a\x1fb"], "A\x1fB": ["a\x1fb"]}
+    for asked in (
+        HistoryQuery(text="\0"),
+        HistoryQuery(text="box\0"),
+        HistoryQuery(robot="\0"),
+        HistoryQuery(camera="\0"),
+        HistoryQuery(name="\0"),
+    ):
+        assert await archive.sightings(asked, 9) == []
+        assert (await archive.counts(replace(asked, since_ns=S, until_ns=9 * S))).most == {}
+    assert await archive.alerts(HistoryQuery(robot="r1\0"), 9) == []

@@ -5,9 +5,12 @@ import time
 import pytest
 
 from schemas.alerts import AlertState
+from services.monitor.history import correcting
 from services.monitor.history import upkeep as module
 from services.monitor.history.clock_trust import DAY_NS, FAR_NS, ClockTrust, Correction, Doubt
 from services.monitor.history.errors import HistoryError
+from services.monitor.history.intervals import Interval
+from services.monitor.history.operator_actions import Act
 from services.monitor.history.store import Store
 from tests.contract.waiting import until
 from tests.schemas.results import alert
@@ -71,6 +74,93 @@ def test_a_database_that_was_gone_for_long_says_nothing_of_the_clock() -> None:
     assert clock.doubt is None
 
 
+def test_a_small_step_back_and_an_operator_move_nothing_that_is_right() -> None:
+    clock = ClockTrust()
+    clock.begin(KEPT_NS, None, 0)
+    now_ns = KEPT_NS + 20 * DAY_NS
+    clock.advance(now_ns + 600 * S, S)
+    assert clock.advance(now_ns + S, 2 * S) is None
+    assert clock.doubt is not None
+    assert clock.trust() is None, "ten minutes"
+    assert clock.doubt is None
+
+
+def test_an_operator_who_trusts_a_clock_that_was_set_back_has_what_was_kept_ahead_corrected_by_that() -> None:
+    clock = ClockTrust()
+    clock.begin(KEPT_NS, None, 0)
+    now_ns = KEPT_NS + 20 * DAY_NS
+    clock.advance(now_ns + AHEAD_NS, S)
+    assert clock.advance(now_ns + 9 * S, 10 * S) is None
+    assert clock.trust() == Correction(now_ns + AHEAD_NS // 2, AHEAD_NS)
+
+
+def test_a_clock_that_was_ahead_from_the_first_start_on_is_corrected_once_an_operator_trusts_it() -> None:
+    clock = ClockTrust()
+    clock.begin(0, None, 0)
+    clock.advance(KEPT_NS + AHEAD_NS, 0)
+    assert clock.advance(KEPT_NS + S, S) is None
+    assert "behind" in str(clock.doubt)
+    assert clock.trust() == Correction(KEPT_NS + S + AHEAD_NS // 2, AHEAD_NS)
+
+
+async def corrected(store: Store) -> None:
+    """Have all be corrected."""
+    while await store.correct():
+        pass
+
+
+async def test_much_is_corrected_slice_by_slice_also_by_the_next_monitor_and_once(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(correcting, "SLICE", 10)
+    ahead = 100  # seconds; it was ahead for longer than that
+    some = [interval(1_000 + 10 * number, 1_005 + 10 * number) for number in range(35)]
+    done = [Act("a1", AlertState.ACKNOWLEDGED, "ann", (1_000 + number) * S) for number in range(25)]
+    async with opened(url) as store:
+        await store.write([interval(1, 2), *some], [alert(changed_ns=1_200 * S)], 1_400 * S, done)
+        await store.end_clock_doubt(Correction(990 * S, ahead * S))
+        assert await store.heartbeat_ns() == 1_300 * S
+        for _ in range(3):
+            assert await store.correct()
+    async with opened(url) as store:
+        await corrected(store)
+        assert not await store.correct()
+        found = [(each.since_ns // S, each.until_ns // S) for each in await store.select(Interval)]
+        assert found == [(1, 2), *((900 + 10 * number, 905 + 10 * number) for number in range(35))]
+        kept = await store.load(0)
+        assert [act.at_ns // S for act in kept.acts] == list(range(900, 925))
+        assert [each.changed_ns // S for each in kept.alerts] == [1_100]
+
+
+async def test_what_comes_while_much_is_corrected_is_written_after_it(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(correcting, "SLICE", 5)
+    monkeypatch.setattr(module, "CORRECT_S", 0.001)
+    now_s = time.time_ns() // S
+    some = [interval(now_s + 60 * 86_400 + number, now_s + 60 * 86_400 + number + 1) for number in range(40)]
+    async with opened(url) as store:
+        await store.write(some, [], now_s * S + AHEAD_NS)
+        await store.write_clock_doubt(Doubt(now_s * S, now_s * S + AHEAD_NS))
+    async with monitoring(url) as monitor:
+        monitor.see(1, box=1)
+        await until(lambda: monitor.history.status.leads)
+        await until(monitor.written)
+        async with opened(url) as store:
+            assert not await store.correct(), "all is corrected"
+    rows = await kept(url)
+    assert len(rows) == len(some) + 1
+    assert max(each.until_ns for each in rows) < (now_s + 86_400) * S
+
+
+def test_acts_that_wait_are_corrected_too() -> None:
+    monitor = Monitor("sqlite:////nowhere")
+    monitor.history.act(Act("a1", AlertState.ACKNOWLEDGED, "ann", AHEAD_NS + S))
+    monitor.history._correct(Correction(AHEAD_NS, AHEAD_NS), S)
+    wanted = Act("a1", AlertState.ACKNOWLEDGED, "ann", S)
+    assert (monitor.history.acts.of("a1"), list(monitor.history._new_acts)) == ((wanted,), [wanted])
+
+
 async def test_what_a_clock_that_was_ahead_had_kept_is_corrected_and_the_rest_stays(url: str) -> None:
     ahead = AHEAD_NS // S
     async with opened(url) as store:
@@ -79,6 +169,7 @@ async def test_what_a_clock_that_was_ahead_had_kept_is_corrected_and_the_rest_st
         resolved = alert(state=AlertState.RESOLVED, changed_ns=AHEAD_NS + 6 * S)
         await store.write([*before, *wrong], [resolved], AHEAD_NS + 8 * S)
         await store.end_clock_doubt(Correction(AHEAD_NS, AHEAD_NS))
+        await corrected(store)
         assert await store.heartbeat_ns() == 8 * S
         assert [(each.since_ns // S, each.until_ns // S) for each in await store.select(type(before[0]))] == [
             (1, 2),

@@ -108,6 +108,31 @@ async def test_it_is_counted_of_what_is_asked_for(url: str, either_way: str) -> 
         assert {name: max(of.values()) for name, of in found.most.items()} == names, (either_way, asked)
 
 
+@pytest.mark.parametrize("of", [{"robot": "r1"}, {"camera": "front"}, {"name": "forklift"}])
+async def test_one_camera_or_class_is_counted_exactly_however_much_others_saw(
+    url: str, monkeypatch: pytest.MonkeyPatch, of: dict[str, str]
+) -> None:
+    monkeypatch.setattr(module, "EXACT", 100)
+    short = [interval(NOW_S - ago, NOW_S - ago + 1, name="forklift") for ago in range(60, 3_600, 60)]
+    began = interval(NOW_S - 9_000, NOW_S - 3_500, name="forklift", key=CameraKey("r1", "left"))
+    goes_on = interval(NOW_S - 5, NOW_S - 5, name="forklift", key=CameraKey("r1", "front"), is_open=True)
+    before = [interval(NOW_S - 9_000 + ago, NOW_S - 8_999 + ago, name="forklift") for ago in range(0, 4_000, 10)]
+    others = [
+        interval(NOW_S - ago, NOW_S - ago + 1, key=CameraKey(f"r{2 + ago % 9}", "rear")) for ago in range(1, 3_600, 9)
+    ]
+    spoken = [there(NOW_S - ago, NOW_S - ago + 20, f"r{2 + ago % 9}", "rear") for ago in range(1, 3_600, 9)]
+    some = (*short, began, goes_on, *before, *others, *spoken, there(NOW_S - 9_000, NOW_S, "r1", "front"))
+    found = await counts(url, *some, asked=HistoryQuery(HOUR.since_ns, HOUR.until_ns, **of))
+    wanted = {at(ago) for ago in range(60, 3_600, 60)} | {at(1)}
+    if "camera" not in of:
+        wanted |= {at(ago) for ago in range(3_501, 3_600)}
+    if "name" in of:
+        assert set(found.most["forklift"]) == {slot * found.slots.number // SLOTS for slot in wanted}
+    else:
+        assert set(found.most["forklift"]) == wanted
+        assert found.known == set(range(SLOTS))
+
+
 @given(st.lists(st.tuples(st.integers(0, 3_000), st.integers(1, 900), st.integers(0, 4)), max_size=40))
 @settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
 async def test_counted_exactly_it_is_the_most_of_each_slot(

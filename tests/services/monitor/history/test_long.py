@@ -12,6 +12,7 @@ from schemas.alerts import AlertState
 from services.monitor.history import archive as archive_module
 from services.monitor.history import pruning
 from services.monitor.history.archive import Archive, HistoryQuery
+from services.monitor.history.counting import SLOTS
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
 from services.monitor.history.opening import connect
@@ -129,6 +130,8 @@ async def test_every_query_of_a_long_history_is_answered(url: str, monkeypatch: 
             assert counts.most.keys() == {"box", "pallet", "forklift"}
             none = await archive.counts(HistoryQuery((NOW_S - since_s) * S, NOW_S * S, robot="r3", text="ü"))
             assert none.most == {}
+        one = await archive.counts(HistoryQuery((NOW_S - DAYS_S) * S, NOW_S * S, robot="r3", name="box"))
+        assert len(one.most["box"]) == SLOTS, "one robot's are counted exactly"
         before = await rows_read(url, store)
         with monkeypatch.context() as patch:
             steps = counted_steps(patch)
