@@ -20,9 +20,10 @@ from services.monitor.history.ledger import Ledger, StoredInterval
 from services.monitor.history.operator_actions import Act, Acts, at_other_times, resolved
 from services.monitor.history.pausing import Silence
 from services.monitor.history.presence import RESTORED_NS, WRITE_S, Attendance, KnownPoses, Presence
+from services.monitor.history.restored_state import Kept
 from services.monitor.history.settings import NONE, HistorySettings
 from services.monitor.history.status import HistoryStatus
-from services.monitor.history.store import UNHEARD_S, Kept, Store
+from services.monitor.history.store import UNHEARD_S, Store
 from services.monitor.history.upkeep import Upkeep
 from services.monitor.history.webhook_backlog import Nothing, Owed, Owing
 from services.monitor.inventory.inventory import Inventory

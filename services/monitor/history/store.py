@@ -4,9 +4,8 @@ import asyncio
 import fcntl
 import os
 from collections import defaultdict
-from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterable, Mapping
 from contextlib import asynccontextmanager, suppress
-from dataclasses import dataclass
 from typing import Any, Final, Self, TypeVar
 
 from sqlalchemy import ColumnElement, Row, Table, bindparam, func, select, text
@@ -33,6 +32,7 @@ from services.monitor.history.opening import connect
 from services.monitor.history.operator_actions import Act
 from services.monitor.history.presence import Place, Presence
 from services.monitor.history.pruning import Pruning, shrink
+from services.monitor.history.restored_state import Kept
 from services.monitor.history.rows import (
     TABLES,
     act_of_row,
@@ -77,21 +77,6 @@ END_UNHEARD: Final = text(
 MAX_LOADED: Final = 200_000
 
 L = TypeVar("L", bound=StoredInterval)
-
-
-@dataclass(frozen=True, slots=True)
-class Kept:
-    """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts.
-
-    acts: what was done with these alerts. going_on: the intervals of every kind that are open. owed: the alerts that
-    webhooks, by name, did not take yet.
-    """
-
-    intervals: Sequence[Interval]
-    alerts: Sequence[Alert]
-    acts: Sequence[Act]
-    going_on: Sequence[StoredInterval]
-    owed: Sequence[tuple[str, Alert]] = ()
 
 
 class Store:
