@@ -2,4 +2,4 @@
 
 
 class SchemaError(ValueError):
-    """A payload, key or field that is not what the contract says; the message names the cause."""
+    """A payload, key or field violates the contract; the message names the cause."""
