@@ -79,7 +79,7 @@ def test_a_signal_stops_everything(number: signal.Signals) -> None:
         said, _ = running.communicate(timeout=PATIENCE_S)
     assert running.returncode == 0
     assert "frames sent:" in said
-    assert "leaving at once" not in said
+    assert "exiting at once" not in said
     assert psutil.wait_procs(started, timeout=0)[1] == []
 
 

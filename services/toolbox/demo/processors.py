@@ -1,4 +1,4 @@
-"""How busy the machine's processors were during the demo: on one that is too slow, ages say nothing of fleetsight."""
+"""Measures CPU load during the demo: on a machine that is too slow, ages say nothing of fleetsight."""
 
 import os
 import resource
@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import Final
 
 TOO_BUSY: Final = 0.9
-"""From this share of the processors' time on, work waits for its turn."""
+"""Share of the processors' time above which work waits for its turn."""
 
 _STAT: Final = Path("/proc/stat")
 _TIMES: Final = slice(1, 9)
-"""Of the first line: user, nice, system, idle, iowait, irq, softirq and steal, in ticks of all processors."""
+"""Fields of the first line: user, nice, system, idle, iowait, irq, softirq and steal, in ticks of all processors."""
 _IDLE: Final = (3, 4)
 
 
 @dataclass(frozen=True, slots=True)
 class ProcessorUse:
-    """count: processors. busy, own: shares of all their time that anything took, and the demo's processes of it."""
+    """CPU use. count: processors. busy, own: shares of their time in use, and in use by the demo."""
 
     count: int
     busy: float
@@ -28,18 +28,18 @@ class ProcessorUse:
         if self.busy < TOO_BUSY:
             return used
         cure = "close other programs, or ask for less with --robots and --hz"
-        return f"too slow for this, ages and drops come of that ({used}): {cure}"
+        return f"too slow for this ({used}), which raises ages and drops: {cure}"
 
 
 class ProcessorClock:
-    """Measures from when it is made."""
+    """Measures CPU use from its creation on."""
 
     def __init__(self) -> None:
         self._began = _times()
         self._own_s = _own_s()
 
     def use(self) -> ProcessorUse | None:
-        """Return how busy processors were since; None where the system does not tell.
+        """Return the CPU use since creation; None where the system does not tell.
 
         Processes that this one started count as its own once they have ended.
         """
@@ -51,7 +51,7 @@ class ProcessorClock:
 
 
 def _times() -> tuple[int, int] | None:
-    """Return the ticks of all processors so far, and those of them in which they were busy."""
+    """Return the ticks of all processors so far, and their busy ticks."""
     try:
         ticks = [int(each) for each in _STAT.read_text(encoding="ascii").split("\n", 1)[0].split()[_TIMES]]
     except (OSError, ValueError):
