@@ -1,4 +1,4 @@
-"""The contract: every message that crosses the bus, and every key it travels under.
+"""The contract: every message on the bus, and its key.
 
 Pure data (standard library and msgspec): any process, in any language, that honours these modules is part of the fleet.
 """

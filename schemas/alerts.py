@@ -1,4 +1,4 @@
-"""Alerts and actions: what the rules of the fleet say to people and to robots."""
+"""Alerts and actions: messages of the fleet's rules to people and robots."""
 
 from enum import StrEnum
 from typing import Annotated, Final
@@ -14,7 +14,7 @@ Id = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
 
 
 class Severity(StrEnum):
-    """How urgent an alert is."""
+    """The urgency of an alert."""
 
     INFO = "info"
     WARNING = "warning"
@@ -22,7 +22,7 @@ class Severity(StrEnum):
 
 
 class AlertState(StrEnum):
-    """How far an alert has come."""
+    """The state of an alert."""
 
     RAISED = "raised"
     ACKNOWLEDGED = "acknowledged"
@@ -31,7 +31,7 @@ class AlertState(StrEnum):
 
 
 class Alert(msgspec.Struct, frozen=True, kw_only=True):
-    """An alert as it stands; sent again, with the same id and a later changed_ns, whenever it changes.
+    """The current state of an alert; sent again with the same id and a later changed_ns on each change.
 
     rule: the rule that raised it. camera, name: the camera and the class of objects it is about; empty where there is
     none. text: for people. raised_ns, changed_ns: nanoseconds since the epoch on the monitor's system clock.
@@ -50,7 +50,7 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Action(msgspec.Struct, frozen=True, kw_only=True):
-    """Something that a robot is to do, once; the robot's own settings say which actions it takes.
+    """An action for a robot to perform once; the robot's own settings decide which actions it accepts.
 
     id: of this one time. name: what is to be done, such as pick_up. payload: what the robot is told, whole.
     rule: the rule that asks for it; empty where a person does. sent_ns: since the epoch on the sender's system clock.

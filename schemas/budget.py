@@ -1,4 +1,4 @@
-"""RateBudget: how many frames of a camera a consumer can use."""
+"""RateBudget: the number of frames of a camera that a consumer can use."""
 
 import math
 from typing import Annotated, Final
@@ -13,7 +13,7 @@ MOST_WAIT_S: Final = 3600.0
 
 
 class RateBudget(msgspec.Struct, frozen=True, kw_only=True):
-    """What a consumer that cannot keep up asks of a camera's gateway. Its newest one counts, while it wants the stream.
+    """A rate limit that a slow consumer asks of a camera's gateway. Its newest one counts while it wants the stream.
 
     A consumer is known by its `schemas.keys.Wanted` token, and the budget ends with that, as when a link is lost: one
     that is still so is to be said again every few seconds.

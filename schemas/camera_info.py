@@ -1,4 +1,4 @@
-"""CameraInfo: what a camera's pixels mean in space."""
+"""CameraInfo: the calibration that maps a camera's pixels to space."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ MAX_DISTORTION: Final = 32
 
 SHORTEST: Final = 1e-3
 LONGEST: Final = 1e9
-"""Pixels that a focal length may have; what is beyond is no lens, but noughts and garbage."""
+"""Maximum focal length in pixels; larger values are garbage."""
 
 Uint32 = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 Nine = Annotated[list[float], msgspec.Meta(min_length=9, max_length=9)]
@@ -20,7 +20,7 @@ Twelve = Annotated[list[float], msgspec.Meta(min_length=12, max_length=12)]
 
 
 class Region(msgspec.Struct, frozen=True, kw_only=True):
-    """The part of the full picture that the camera sends, in pixels; all zeros mean the full picture."""
+    """The part of the full image that the camera sends, in pixels; all zeros mean the full image."""
 
     x_offset: Uint32 = 0
     y_offset: Uint32 = 0
@@ -50,7 +50,7 @@ class CameraInfo(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def is_calibrated(info: CameraInfo | None) -> TypeGuard[CameraInfo]:
-    """Return whether there is a camera info with a focal length; drivers send one without where no calibration is."""
+    """Return whether there is a camera info with a focal length; uncalibrated drivers send one without."""
     if info is None or not all(map(math.isfinite, info.k)):
         return False
     return all(SHORTEST <= focal <= LONGEST for focal in (info.k[0], info.k[4])) and info.k[6:] == [0, 0, 1]
@@ -65,7 +65,7 @@ _TILT: Final = 12
 
 
 def coefficients_of(model: str, d: Sequence[float]) -> tuple[float, ...] | str:
-    """Return as many coefficients as the model has, none of a lens that does not bend; or why the lens is not known.
+    """Return the coefficients that the model has, none for an ideal lens; or why the distortion is unknown.
 
     Drivers fill `d` up with noughts, and give no model, or one of any name, to a lens that does not bend. That of an
     equidistant model bends without coefficients too.

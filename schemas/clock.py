@@ -1,4 +1,4 @@
-"""ClockReading: what a robot's clocks show, for who wants to know how far theirs is off."""
+"""ClockReading: a robot's clocks, for measuring their offset."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""Messages to bytes and back: MessagePack, the schema's name and version in the Zenoh encoding, decoding bounded."""
+"""Encodes and decodes messages: MessagePack, schema name and version in the Zenoh encoding, bounded decoding."""
 
 import struct
 from itertools import islice
@@ -74,7 +74,7 @@ MAX_BYTES: Final[dict[type, int]] = {
     InventoryRequest: 64 * KIB,
     InventoryAnswer: 16 * KIB * KIB,
 }
-"""Largest payload accepted per message, checked before a byte of it is read."""
+"""Maximum payload size per message type, checked before a byte of it is read."""
 
 _encodings: Final[dict[type, str]] = {
     schema: f"application/msgpack;fleetsight.{schema.__name__}.v{VERSION}" for schema in MAX_BYTES
@@ -89,7 +89,7 @@ _decoders: Final[dict[type, msgspec.msgpack.Decoder[Any]]] = {
 
 
 def encoding(schema: type[msgspec.Struct]) -> str:
-    """Return the Zenoh encoding that says which schema a payload follows."""
+    """Return the Zenoh encoding that names the schema of a payload."""
     return _encodings[schema]
 
 
@@ -99,7 +99,7 @@ def encode(message: Message) -> bytes:
 
 
 def encode_in_pieces(message: ImageFrame | PointCloud) -> tuple[bytes, memoryview, bytes]:
-    """Serialise a message without copying its data: joined, the three pieces are what `encode` returns."""
+    """Serialise a message without copying its data: the three pieces, joined, equal the result of `encode`."""
     fields = msgspec.structs.asdict(message)
     at = list(fields).index("data") + 1
     before, after = dict(islice(fields.items(), at)), dict(islice(fields.items(), at, None))
@@ -109,7 +109,7 @@ def encode_in_pieces(message: ImageFrame | PointCloud) -> tuple[bytes, memoryvie
 
 
 def _bin(size: int) -> bytes:
-    """Return what MessagePack has before so many bytes."""
+    """Return MessagePack's header for this many bytes."""
     if size < 1 << 8:
         return struct.pack(">BB", 0xC4, size)
     if size < 1 << 16:
@@ -135,7 +135,7 @@ def decode(schema: type[M], payload: bytes | memoryview, encoded_as: str) -> M:
 
 
 def check_identity(header: Header, of: keys.CameraKey | keys.RobotStreamKey) -> None:
-    """Hold a message to the key it came under.
+    """Check a message against its key.
 
     Raises:
         SchemaError: the header speaks of another robot or camera.
@@ -146,7 +146,7 @@ def check_identity(header: Header, of: keys.CameraKey | keys.RobotStreamKey) -> 
 
 
 def check_robot(robot: str, of: keys.RobotStreamKey) -> None:
-    """Hold a message without a header to the key it came under.
+    """Check a message without a header against its key.
 
     Raises:
         SchemaError: it speaks of another robot.

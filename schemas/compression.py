@@ -1,4 +1,4 @@
-"""Compressed data: what its own header says of its content, before anything is decoded."""
+"""Reads the headers of compressed data, so that its content is checked before decoding."""
 
 import math
 import re
@@ -19,16 +19,16 @@ _END: Final = 0xD9
 _SEQUENTIAL: Final = frozenset({0xC0, 0xC1})
 _BLOCK: Final = 8
 _SCAN_SEGMENT: Final = re.compile(rb"\xff([\x02-\xcf\xd8-\xfe])")
-"""What begins one: coded pixels have a zero after each 0xff, or a marker to restart from, which has no length."""
+"""The start of a marker: coded pixels have a zero after each 0xff, or a restart marker, which has no length."""
 _LENGTH: Final = struct.Struct(">H")
 _SCAN_FRAME: Final = struct.Struct(">HBHHB")
 _SCANNED: Final = struct.Struct(">HB")
 
 
 def scanned_pixels(data: bytes | memoryview) -> int:
-    """Return how many component-pixels a decoder goes over: those of each component of each scan, as libjpeg reads it.
+    """Return the component-pixels that a decoder visits: of each component of each scan, as libjpeg reads it.
 
-    What is behind the picture's end does not count, nor what is in segments: phones put films and previews there.
+    Data after the image's end or inside segments does not count: phones put videos and previews there.
 
     Raises:
         ValueError: the file has more markers than MAX_MARKERS.
@@ -66,7 +66,7 @@ PNG: Final = "png"
 ZSTD: Final = "zstd"
 
 MAX_DECODED_BYTES: Final = 128 * 1024 * 1024
-"""What compressed data may hold at most."""
+"""The maximum number of bytes that compressed data may expand to."""
 
 MAX_SEGMENTS: Final = 1_024
 """Segments and fill bytes in a JPEG file up to the segment with its size: real files have some dozens, or a few hundred
@@ -99,7 +99,7 @@ _TWO_BYTES_ADD: Final = 256
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """A compressed picture's format, its size in pixels, and the encoding that it holds them in."""
+    """A compressed image's format, its size in pixels, and its pixel encoding."""
 
     format: str
     height: int
@@ -125,7 +125,7 @@ def picture_of(data: memoryview) -> Picture:
 
 
 def is_png(data: memoryview) -> bool:
-    """Return whether data begins as every PNG file does."""
+    """Return whether data begins like a PNG file."""
     return bytes(data[: len(_PNG_START)]) == _PNG_START
 
 
@@ -156,7 +156,7 @@ def _jpeg(data: memoryview) -> Picture:
 
 
 def _check_scans(data: memoryview, once: int) -> None:
-    """Refuse what is made to take long to decode. once: the component-pixels of one pass over all components."""
+    """Reject files that are crafted to decode slowly. once: the component-pixels of one pass over all components."""
     most = max(once, min(MAX_SCANS * once, MAX_SCANNED_PIXELS))
     try:
         scanned = scanned_pixels(data)
@@ -167,7 +167,7 @@ def _check_scans(data: memoryview, once: int) -> None:
 
 
 def check_zstd(data: memoryview, size: int) -> None:
-    """Check that a Zstandard frame (RFC 8878) says of itself to hold exactly `size` bytes, and no absurd number.
+    """Check that a Zstandard frame (RFC 8878) declares exactly `size` bytes, within limits.
 
     Raises:
         SchemaError: it does not, or it needs a dictionary or a later decoder.

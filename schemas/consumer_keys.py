@@ -1,4 +1,4 @@
-"""Keys by which consumers of a robot's streams say what they subscribe to, and how much of it they can use."""
+"""Keys by which consumers declare their subscriptions to a robot's streams, and the rate they can use."""
 
 from dataclasses import dataclass, field
 from uuid import uuid4
@@ -32,7 +32,7 @@ def parse_budget(key: str) -> CameraKey:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """A consumer's word that it subscribes to a camera's stream or to one of ROBOT_STREAMS, and where it runs.
+    """A consumer's declaration that it subscribes to a camera's stream or one of ROBOT_STREAMS, and its host.
 
     clock_id: of its machine. consumer: has one token of a stream on a machine; by default a name that nobody else has.
 
@@ -53,13 +53,13 @@ class Wanted:
 
 
 def every_wanted(robot: str) -> str:
-    """Return the key expression of the presence tokens of those who subscribe to a robot's streams."""
+    """Return the key expression of the presence tokens of a robot's subscribers."""
     check_name("robot", robot)
     return f"fleet/{robot}/*/**/{WANTED}/*/*"
 
 
 def parse_wanted(key: str) -> Wanted:
-    """Parse a presence token of somebody who subscribes.
+    """Parse a subscriber's presence token.
 
     Raises:
         SchemaError: the key is none.
@@ -68,7 +68,7 @@ def parse_wanted(key: str) -> Wanted:
     match consumer.split("/"):
         case [clock_id, name]:
             return Wanted(_parse_wanted_stream(stream), clock_id, name)
-    raise SchemaError(f"not the key of somebody who subscribes: {key[:200]!r}")
+    raise SchemaError(f"not a subscriber's key: {key[:200]!r}")
 
 
 def _parse_wanted_stream(key: str) -> "SensorKey":

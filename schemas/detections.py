@@ -1,4 +1,4 @@
-"""Detections: everything one model call found in one image."""
+"""Detections: the objects that one model call found in one image."""
 
 from typing import Annotated, Final
 
@@ -11,10 +11,10 @@ from schemas.image import MAX_SIDE, Side
 MAX_DETECTIONS: Final = 1_000
 
 KEPT_LISTS: Final = 100
-"""How many class lists of a camera whoever publishes them keeps for those whose link was cut: 10 seconds at 10 Hz."""
+"""Class lists of a camera kept by publishers for receivers whose link was cut: 10 seconds at 10 Hz."""
 
 TRACK_COUNT_BITS: Final = 20
-"""How many of a track number's lowest bits count objects from 1; those above are of a tracker's own."""
+"""Number of low bits of a track number that count objects from 1; the bits above belong to a tracker."""
 
 Index = Annotated[int, msgspec.Meta(ge=0, lt=MAX_DETECTIONS)]
 TrackNumber = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
@@ -64,7 +64,7 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Detections(msgspec.Struct, frozen=True, kw_only=True):
-    """The objects in one image of height x width pixels, best score first, and who says so."""
+    """The objects in one image of height x width pixels, best score first, with model and worker."""
 
     header: Header
     height: Side
@@ -75,7 +75,7 @@ class Detections(msgspec.Struct, frozen=True, kw_only=True):
     spans: Spans = {}
 
     def __post_init__(self) -> None:
-        """Hold masks to the image.
+        """Check the masks' size against the image.
 
         Raises:
             SchemaError: a mask has another size than the image.
@@ -86,7 +86,7 @@ class Detections(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClassCount(msgspec.Struct, frozen=True, gc=False):
-    """How many objects of one class are in view, and the best score among them."""
+    """The number of objects of one class in view, and the best score among them."""
 
     name: Label
     count: Annotated[int, msgspec.Meta(ge=0, le=MAX_DETECTIONS)]

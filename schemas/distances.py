@@ -1,4 +1,4 @@
-"""Distances: how far away the objects of one image are, and where."""
+"""Distances: the distances and positions of the objects of one image."""
 
 from typing import Annotated, Final
 
@@ -13,7 +13,7 @@ MAX_PLACES: Final = 4
 
 
 class Place(msgspec.Struct, frozen=True, kw_only=True):
-    """Where an object is in one frame of reference at the header's stamp.
+    """The position of an object in one frame of reference at the header's stamp.
 
     at: metres; absent where that is not known, and then `unknown` says why.
     """
@@ -23,7 +23,7 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
     unknown: Label = ""
 
     def __post_init__(self) -> None:
-        """Hold a place to being known or unknown.
+        """Check that the place is either known or unknown.
 
         Raises:
             SchemaError: it is both, or neither.
@@ -32,7 +32,7 @@ class Place(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Measured(msgspec.Struct, frozen=True, kw_only=True):
-    """What depth says of one object's foreground, in metres.
+    """The depth of one object's foreground, in metres.
 
     axial_m: robust distance along the camera's optical axis, as depth images have it.
     euclidean_m: robust straight distance from the camera's optical centre; absent without a calibration.
@@ -50,7 +50,7 @@ class Measured(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ObjectDistance(msgspec.Struct, frozen=True, kw_only=True):
-    """One object of the image.
+    """One object of the image, with its distance.
 
     index: its place in the frame's Detections. track: its track, where it has one.
     valid_share: pixels of its mask that have a usable reading, 0 to 1.
@@ -65,7 +65,7 @@ class ObjectDistance(msgspec.Struct, frozen=True, kw_only=True):
     unknown: Label = ""
 
     def __post_init__(self) -> None:
-        """Hold a distance to being known or unknown.
+        """Check that the distance is either known or unknown.
 
         Raises:
             SchemaError: it is both, or neither.
@@ -74,7 +74,7 @@ class ObjectDistance(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Distances(msgspec.Struct, frozen=True, kw_only=True):
-    """The distances of the objects in one colour image, in the order of its Detections, and who says so.
+    """The distances of the objects in one colour image, in the order of its Detections, with the worker.
 
     The header is that image's. model: the one that detected the objects. worker: the one that measured them.
     """
@@ -87,6 +87,6 @@ class Distances(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def check_known(what: str, *, known: bool, unknown: str) -> None:
-    """Raise SchemaError unless something is either known or unknown for a reason."""
+    """Raise SchemaError unless exactly one is given: the value, or the reason why it is unknown."""
     if known == bool(unknown):
         raise SchemaError(f"{what} is {'known, and unknown' if known else 'neither known nor unknown'}")

@@ -1,4 +1,4 @@
-"""Header: which frame a message is about, and when that frame was made and met."""
+"""Header: the frame that a message is about, and its times."""
 
 from typing import Annotated, Final
 
@@ -18,7 +18,7 @@ Label = Annotated[str, msgspec.Meta(max_length=MAX_LABEL)]
 
 
 LONGEST_GAP: Final = 1_000_000
-"""Numbers that can be missing at once, nine hours of frames at 30 Hz: who leaves out more counts anew."""
+"""Maximum number of missing frames, nine hours at 30 Hz; a larger gap means that counting restarted."""
 
 
 class Header(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -42,12 +42,12 @@ class Header(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
 
 def is_newer(header: Header, last: Header | None) -> bool:
-    """Return whether a frame is newer than the last of its stream that was taken, or of another gateway process."""
+    """Return whether a frame is newer than the last one taken of its stream, or comes from a new gateway process."""
     return last is None or header.boot_id != last.boot_id or header.seq > last.seq
 
 
 def gap(last: int, number: int) -> int:
-    """Return how many numbers are missing between two that came; 0 where counting has begun anew."""
+    """Return the number of missing frames between two; 0 if counting has restarted."""
     missing = number - last - 1
     return missing if 0 < missing <= LONGEST_GAP else 0
 

@@ -34,7 +34,7 @@ HELD_AS: Final = {
     "rgb8": {"rgb8"},
     "rgba8": {"rgba8"},
 }
-"""By what a compressed file says of its pixels, what they can be."""
+"""Possible encodings of the pixels by what a compressed file declares."""
 
 MAX_SIDE: Final = 16_384
 MAX_STEP: Final = MAX_SIDE * 16
@@ -64,7 +64,7 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
     inverse_depth: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        """Hold the pixel layout together.
+        """Check the pixel layout.
 
         Raises:
             SchemaError: encoding or format are unknown, or step or data do not fit the dimensions.
@@ -95,7 +95,7 @@ def check_layout(height: int, width: int, encoding: str, step: int, size: int) -
 
 
 def check_rows(height: int, width: int, row: int, step: int, size: int, *, encoding: str) -> None:
-    """Check what `check_layout` does for pixels of any encoding, of which a row takes `row` bytes without padding.
+    """Check like `check_layout` for pixels of any encoding, with `row` bytes per row without padding.
 
     Raises:
         SchemaError: naming the first thing that does not fit.
@@ -115,7 +115,7 @@ def _check_dimensions(height: int, width: int) -> None:
 
 
 def check_picture(frame: ImageFrame) -> None:
-    """Check a compressed frame against what its file says of itself, before anything is decoded.
+    """Check a compressed frame against its file header, before anything is decoded.
 
     Raises:
         SchemaError: naming the first thing that does not fit.

@@ -1,4 +1,4 @@
-"""The inventory: what the monitor says about the whole fleet when another program asks."""
+"""The inventory: the monitor's answer to queries about the whole fleet."""
 
 from typing import Annotated, Final
 
@@ -9,14 +9,14 @@ from schemas.space import Distance
 from schemas.status import Drops
 
 MAX_SIGHTINGS: Final = 20_000
-"""Most sightings in one answer; whoever wants more asks robot by robot."""
+"""Maximum number of sightings in one answer; query robot by robot for more."""
 
 
 MAX_PROBLEMS: Final = 16
 
 
 class InventoryRequest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What is asked: sightings of one robot, camera or class, each of all if empty.
+    """A query for sightings of one robot, camera or class, each of all if empty.
 
     name: of the class. in_view: only what is in view now, as far as anybody knows. A field that is not known is an
     error: left out, a misspelt one would be answered with everything.
@@ -29,7 +29,7 @@ class InventoryRequest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
 
 
 class ClassSighting(msgspec.Struct, frozen=True, kw_only=True):
-    """One class in view of one camera, or the last that was seen of it.
+    """One class in view of one camera, or its last sighting there.
 
     count: how many now, 0 when it is in view no more. score: best one, 0 to 1. first_ns, last_ns: when it was seen
     first and last without a gap, nanoseconds since the epoch on the monitor's system clock. nearest_m: how near the
@@ -51,7 +51,7 @@ class ClassSighting(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class InventoryAnswer(msgspec.Struct, frozen=True, kw_only=True):
-    """What was asked for as it is at now_ns of the monitor's system clock, by robot, camera and class.
+    """The answer, as of now_ns of the monitor's system clock, by robot, camera and class.
 
     complete: False if there are more than fit into one answer. class_lists: how many the monitor took in since it
     started, each once. left_out: messages that it did not take in, by reason. problems: in words, what keeps it from

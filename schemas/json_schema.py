@@ -17,7 +17,7 @@ COMMENT: Final = (
 
 
 def json_schema() -> dict[str, Any]:
-    """Return a schema whose `$defs` are the messages, and what they are made of, by name."""
+    """Return a schema whose `$defs` are the messages and their parts, by name."""
     messages = {schema.__name__: schema for schema in MAX_BYTES}
     _, parts = msgspec.json.schema_components(list(messages.values()), ref_template="#/$defs/{name}")
     named = {name: part | _about(name, part, messages) for name, part in sorted(parts.items())}
@@ -30,7 +30,7 @@ def _about(name: str, part: dict[str, Any], messages: dict[str, type]) -> dict[s
 
 
 def as_text() -> str:
-    """Return the schema as JSON text, the same every time."""
+    """Return the schema as JSON text; the output is deterministic."""
     return msgspec.json.format(msgspec.json.encode(json_schema()), indent=2).decode() + "\n"
 
 

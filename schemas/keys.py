@@ -1,4 +1,4 @@
-"""Keys: the only place, with `schemas.worker_keys`, that builds and parses them.
+"""Builds and parses keys; only this module and `schemas.worker_keys` do.
 
 `fleet/{robot}/{camera}/{stream}` for a camera's streams, `fleet/{robot}/...` for what belongs to the whole robot. A
 chunk is a name (see `schemas.header.Name`).
@@ -23,7 +23,7 @@ BUDGET: Final = "budget"
 RESERVED: Final = frozenset(
     {"actions", "alerts", ALIVE, "clock", "ros", "service", "status", "text", "tf", "tf_static"}
 )
-"""Chunks that mean something robot-wide, so no camera may be called so."""
+"""Chunks with a robot-wide meaning, reserved as camera names."""
 
 TF: Final = "tf"
 TF_STATIC: Final = "tf_static"
@@ -31,25 +31,25 @@ TEXT: Final = "text"
 ROS: Final = "ros"
 
 ROBOT_STREAMS: Final = frozenset({TF, TF_STATIC})
-"""What sensors send once a robot."""
+"""Streams that sensors send once per robot."""
 
 ALERTS: Final = "alerts"
 ACTIONS: Final = "actions"
 
 ROBOT_RESULTS: Final = frozenset({ALERTS, ACTIONS})
-"""What a robot is sent once a robot."""
+"""Streams sent to a robot, once per robot."""
 
 REMEMBERED: Final = 1 << 16
-"""How many keys that were parsed are remembered: the same few thousand come again and again."""
+"""Size of the cache of parsed keys: the same few thousand keys recur."""
 
 NAMED_STREAMS: Final = frozenset({TEXT, ROS})
-"""What there is any number of, each with a name of one or more chunks after it."""
+"""Streams of which there may be any number, each followed by a name of one or more chunks."""
 
 MAX_NAMED: Final = 200
 
 
 class Stream(StrEnum):
-    """What can be had of a camera."""
+    """The streams of a camera."""
 
     COLOR = "color"
     DEPTH = "depth"
@@ -85,17 +85,17 @@ class CameraKey(msgspec.Struct, frozen=True, order=True, gc=False, cache_hash=Tr
         return f"{self.robot}/{self.camera}"
 
     def stream(self, stream: Stream) -> str:
-        """Return the key that a stream of this camera travels under."""
+        """Return the key of a stream of this camera."""
         return f"fleet/{self.robot}/{self.camera}/{stream}"
 
     def alive(self, stream: Stream) -> str:
-        """Return the key of the presence token that says this stream can be had."""
+        """Return the key of the presence token that announces this stream."""
         return f"{self.stream(stream)}/{ALIVE}"
 
 
 @lru_cache(REMEMBERED)
 def camera_key(robot: str, camera: str) -> CameraKey:
-    """Return a camera's key, without checking the names again of one that was asked for before.
+    """Return a camera's key; cached, so that names are checked once.
 
     Raises:
         SchemaError: as CameraKey does.
@@ -104,7 +104,7 @@ def camera_key(robot: str, camera: str) -> CameraKey:
 
 
 def check_name(what: str, name: str) -> None:
-    """Raise SchemaError unless `name` can be one chunk of a key; `what` says whose it is."""
+    """Raise SchemaError unless `name` can be one chunk of a key; `what` is its kind, for the message."""
     if not NAME.fullmatch(name):
         raise SchemaError(
             f"{what} name {name[:80]!r}: use 1 to 64 letters, digits, '_', '-' or '.', a letter or digit first"
@@ -170,7 +170,7 @@ def parse_service(key: str) -> tuple[str, str]:
 
 
 def monitor_pulse(monitor: str) -> str:
-    """Return the key under which a monitor sends to itself, to know that it can hear."""
+    """Return the key of the messages that a monitor sends itself to check that it can receive."""
     check_name("monitor", monitor)
     return f"services/monitor/{monitor}/pulse"
 
@@ -179,7 +179,7 @@ EVERY_ROBOT_ALIVE: Final = f"fleet/*/{ALIVE}"
 EVERY_GATEWAY_STATUS: Final = "fleet/*/status"
 
 INVENTORY: Final = "services/monitor/inventory"
-"""Under which the monitor answers an InventoryRequest, or nothing at all, with an InventoryAnswer."""
+"""The key under which the monitor answers an InventoryRequest, also an empty one, with an InventoryAnswer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +194,7 @@ class StreamKey:
 
     @property
     def name(self) -> str:
-        """What the stream is called among the robot's, like `front/color`; see `sensor_key`."""
+        """The name of the stream among the robot's, such as `front/color`; see `sensor_key`."""
         return f"{self.camera.camera}/{self.stream}"
 
     @property
@@ -237,12 +237,12 @@ class RobotStreamKey:
 
     @property
     def name(self) -> str:
-        """What the stream is called among the robot's, like `ros/battery`; see `sensor_key`."""
+        """The name of the stream among the robot's, such as `ros/battery`; see `sensor_key`."""
         return self.stream
 
     @property
     def kind(self) -> str:
-        """Which of ROBOT_STREAMS, ROBOT_RESULTS or NAMED_STREAMS this is."""
+        """Its member of ROBOT_STREAMS, ROBOT_RESULTS or NAMED_STREAMS."""
         return self.stream.partition("/")[0]
 
     @property
@@ -252,18 +252,18 @@ class RobotStreamKey:
 
 
 SENSOR_STREAMS: Final = frozenset({Stream.COLOR, Stream.DEPTH, Stream.INFO, Stream.DEPTH_INFO, Stream.POINTS})
-"""What cameras themselves send; the rest is made of it."""
+"""Streams that cameras send themselves; the others are derived from them."""
 
 SensorKey = StreamKey | RobotStreamKey
 
 
 def owner_of(key: SensorKey) -> tuple[str, str]:
-    """Return the robot and the camera that a stream is of, as headers have them: no camera, if of the whole robot."""
+    """Return the robot and the camera of a stream, as in headers: no camera if it belongs to the whole robot."""
     return (key.camera.robot, key.camera.camera) if isinstance(key, StreamKey) else (key.robot, "")
 
 
 def sensor_key(robot: str, name: str) -> SensorKey:
-    """Return the key of a stream that sensors send, named `{camera}/{stream}` or, of a whole robot, `{stream}`.
+    """Return the key of a sensor stream named `{camera}/{stream}`, or `{stream}` if it belongs to the whole robot.
 
     Raises:
         SchemaError: the name is neither.

@@ -21,7 +21,7 @@ Angle = Annotated[float, msgspec.Meta(ge=-HALF_TURN, le=HALF_TURN)]
 
 
 class UprightBox(msgspec.Struct, frozen=True, kw_only=True):
-    """The smallest box around an object that stands upright, in one frame of reference.
+    """The smallest upright box around an object, in one frame of reference.
 
     size: (length, width, height) in metres. up: unit vector that the height runs along: (0, 0, 1) in a robot's or a
     map's frame, about (0, -1, 0) in a camera's optical frame. yaw: radians from the frame's x axis, made level, to the
@@ -61,7 +61,7 @@ class ObjectCloud(msgspec.Struct, frozen=True, kw_only=True):
     in_target: Shape | None = None
 
     def __post_init__(self) -> None:
-        """Hold colours to points.
+        """Check the number of colours against the points.
 
         Raises:
             SchemaError: no whole number of points, no point at all, or not a colour for each.
@@ -74,12 +74,12 @@ class ObjectCloud(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def count(self) -> int:
-        """How many points there are."""
+        """The number of points."""
         return self.xyz.nbytes // XYZ_BYTES
 
 
 class ObjectClouds(msgspec.Struct, frozen=True, kw_only=True):
-    """The clouds of the objects in one view, best score first, and who says so. An empty list: nothing is in view.
+    """The clouds of the objects in one view, best score first, with the worker. An empty list: nothing is in view.
 
     The header's camera is the one that saw the objects; its frame_id and stamp_ns are those of the points.
     target: where the header's frame is in the chosen target frame at the stamp; without one `unknown_target` says why,
@@ -97,7 +97,7 @@ class ObjectClouds(msgspec.Struct, frozen=True, kw_only=True):
     spans: Spans = {}
 
     def __post_init__(self) -> None:
-        """Hold the clouds together.
+        """Check the clouds' limits and frames.
 
         Raises:
             SchemaError: too many points, or shapes in a target frame that there is none of.

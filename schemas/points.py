@@ -1,4 +1,4 @@
-"""PointCloud: points in space, laid out as their sensor laid them out."""
+"""PointCloud: points in space, in their sensor's own layout."""
 
 from collections.abc import Iterable
 from typing import Annotated, Final
@@ -24,7 +24,7 @@ Uint32 = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 
 
 class PointField(msgspec.Struct, frozen=True):
-    """Where a point's value is: `count` values of `datatype` (see VALUE_BYTES) from `offset` bytes into the point."""
+    """The place of a value in a point: `count` values of `datatype` (see VALUE_BYTES) from `offset` bytes on."""
 
     name: Annotated[str, msgspec.Meta(max_length=MAX_FIELD_NAME)]
     offset: Uint32
@@ -52,7 +52,7 @@ class PointCloud(msgspec.Struct, frozen=True, kw_only=True):
     format: Annotated[str, msgspec.Meta(max_length=32)] = RAW
 
     def __post_init__(self) -> None:
-        """Hold the layout together.
+        """Check the layout.
 
         Raises:
             SchemaError: the format is unknown, or fields, steps or data do not fit each other.
@@ -97,7 +97,7 @@ def check_fields(fields: Iterable[PointField], point_step: int) -> None:
 
 
 def rgb_offsets(fields: Iterable[PointField], *, is_bigendian: bool) -> tuple[int, int, int] | None:
-    """Return where in a point the bytes of red, green and blue are, or None where it has no colour.
+    """Return the offsets of a point's red, green and blue bytes, or None if it has no colour.
 
     They are a field each (`r`, `g`, `b`), or one of four bytes, `rgb` or `rgba`, packed as PCL does: 0xAARRGGBB, often
     called a float32.

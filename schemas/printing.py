@@ -1,4 +1,4 @@
-"""What others wrote, as it may be shown on a terminal. Pure."""
+"""Makes text of others safe to print on a terminal. Pure."""
 
 
 def printable(text: str) -> str:

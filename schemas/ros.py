@@ -44,7 +44,7 @@ MAX_ANSWER_TEXT: Final = 64 * 1024
 
 
 class ServiceRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """What a ROS service is asked. Which one is in the key.
+    """A request to a ROS service. The key names the service.
 
     type: such as std_srvs/Trigger; md5: the type's md5sum; empty for whatever the service is.
     argument: what a std_srvs/SetBool is told; std_srvs/Empty and Trigger take none.
@@ -58,7 +58,7 @@ class ServiceRequest(msgspec.Struct, frozen=True, kw_only=True):
     timeout_s: Annotated[float, msgspec.Meta(gt=0, le=MAX_CALL_S)]
 
     def __post_init__(self) -> None:
-        """Hold a request to saying one thing.
+        """Check that a request gives at most one argument.
 
         Raises:
             SchemaError: both an argument and data.
@@ -68,7 +68,7 @@ class ServiceRequest(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ServiceResponse(msgspec.Struct, frozen=True, kw_only=True):
-    """What a ROS service answered.
+    """The response of a ROS service.
 
     type, md5: the service's. success, message: what a std_srvs/Trigger or SetBool answered, None for any other type.
     data: the serialised response, whatever its type; decoded without a copy.

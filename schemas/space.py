@@ -1,4 +1,4 @@
-"""Numbers about space that several families of messages share: metres, all of them finite."""
+"""Spatial numbers that several families of messages share: metres, all of them finite."""
 
 from typing import Annotated, Final
 

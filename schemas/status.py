@@ -1,4 +1,4 @@
-"""Status messages: what a gateway or worker is doing, and every frame it dropped, by reason."""
+"""Status messages: the work of a gateway or worker, and every frame it dropped, by reason."""
 
 from typing import Annotated, Final
 
@@ -81,7 +81,7 @@ class StreamStatus(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def name(self) -> str:
-        """What the stream is called among the robot's, as its key has it."""
+        """The name of the stream among the robot's, as in its key."""
         return f"{self.camera}/{self.stream}" if self.camera else self.stream
 
 
@@ -106,7 +106,7 @@ class ReturnStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """A gateway's account of itself, once a second and once more when it stops.
+    """A gateway's status, once a second and once more when it stops.
 
     clock_id: names the machine's system clock; times of two messages compare only when theirs are equal.
     sent_ns: that clock when this was sent. waiting_for: what it cannot go on without, in words, or empty.
@@ -130,7 +130,7 @@ class GatewayStatus(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CameraLoad(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of one camera's frames at a worker since it started. dropped includes those MISSING on arrival.
+    """The counts of one camera's frames at a worker since it started. dropped includes those MISSING on arrival.
 
     serving: the worker looks after the camera now. budget_hz: the rate that its gateway was told of, None where it may
     send all.
@@ -145,7 +145,7 @@ class CameraLoad(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """A worker's account of itself, once a second and once more when it stops.
+    """A worker's status, once a second and once more when it stops.
 
     remarks: what whoever waits for its results should know, such as which there cannot be, and why.
     classes: names of those that a detector reports when they are in view; empty where nobody says.

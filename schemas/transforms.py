@@ -1,4 +1,4 @@
-"""Transforms: where frames of reference are, seen from others."""
+"""Transforms: the poses of frames of reference relative to others."""
 
 from typing import Annotated, Final
 
@@ -10,7 +10,7 @@ MAX_TRANSFORMS: Final = 4_096
 
 
 class Transform(msgspec.Struct, frozen=True, kw_only=True):
-    """Where child_frame_id is in frame_id at stamp_ns. As sent: a rotation of length 0 or a NaN is the sender's.
+    """The pose of child_frame_id in frame_id at stamp_ns. As sent: a rotation of length 0 or a NaN is the sender's.
 
     translation: x, y, z in metres. rotation: quaternion x, y, z, w.
     """
@@ -23,7 +23,7 @@ class Transform(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Transforms(msgspec.Struct, frozen=True, kw_only=True):
-    """Some transforms of one robot, on `tf` those of one ROS message, on `tf_static` all that are known, once a child.
+    """Some transforms of one robot: on `tf` those of one ROS message, on `tf_static` all known ones, one per child.
 
     The header's stamp_ns is 0: each transform has its own.
     """

@@ -1,4 +1,4 @@
-"""Tuning: what a detector's model counts as a detection."""
+"""Tuning: the detection criteria of a detector's model."""
 
 from typing import Annotated
 
@@ -11,9 +11,9 @@ Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
 class Tuning(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What counts as a detection. Asked of a worker, None leaves a value as it is; a worker answers with all of them.
+    """Detection criteria. In a request None leaves a value unchanged; an answer holds all of them.
 
-    A field of another name is refused: who misspells one hears that nothing changed.
+    Unknown fields are rejected, so that a misspelt name is an error.
 
     confidence: only a higher score counts. iou: overlap (intersection over union) of two boxes of one class above which
     only the better one counts. max_detections: most objects per image. classes: the names that are reported; empty for

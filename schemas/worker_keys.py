@@ -11,7 +11,7 @@ DETECTOR: Final = "detector"
 """The service of workers whose class lists count."""
 
 OPINION: Final = "opinion"
-"""The service of workers that give a second opinion, which only rules about models that disagree hear."""
+"""The service of workers that give a second opinion, which only rules on disagreement use."""
 
 SERVES: Final = "serves"
 
@@ -20,7 +20,7 @@ MIN_WEIGHT: Final = 0.01
 MAX_WEIGHT: Final = 1000.0
 
 ANY_ROBOT: Final = "-"
-"""In a worker's presence in the place of a robot: no robot is called so."""
+"""Placeholder for a robot in a worker's presence; no robot can have this name."""
 
 EVERY_WORKER_STATUS: Final = "workers/*/*/status"
 
@@ -33,7 +33,7 @@ def worker_status(service: str, worker: str) -> str:
 
 
 def worker_settings(service: str, worker: str) -> str:
-    """Return the key under which a worker takes other settings while it runs."""
+    """Return the key under which a worker accepts new settings while it runs."""
     check_name("service", service)
     check_name("worker", worker)
     return f"workers/{service}/{worker}/settings"
@@ -47,7 +47,7 @@ def infer(worker: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class WorkerAlive:
-    """A worker's presence. A token has no payload, so all that others must know of the worker is in its key.
+    """A worker's presence. Tokens have no payload, so the key holds everything that others need to know.
 
     weight: its share of the work beside others', above 0. robot: the one it is for, before all workers that are for
     any; None for any. A worker that is for several robots has a token for each.
@@ -93,7 +93,7 @@ def parse_worker_alive(key: str) -> WorkerAlive:
 
 @dataclass(frozen=True, slots=True)
 class Serves:
-    """A worker's word that it has taken a camera over: results have come, or nobody wants any.
+    """A worker's declaration that it has taken a camera over: results have arrived, or none are wanted.
 
     Raises:
         SchemaError: a name that cannot be a chunk of a key.
@@ -112,13 +112,13 @@ class Serves:
 
 
 def every_serves(service: str) -> str:
-    """Return the key expression of the tokens by which a service's workers say which cameras they have taken over."""
+    """Return the key expression of a service's tokens for cameras taken over."""
     check_name("service", service)
     return f"workers/{service}/*/{SERVES}/*/*"
 
 
 def parse_serves(key: str) -> Serves:
-    """Parse a token by which a worker says that it has taken a camera over.
+    """Parse a token for a camera that was taken over.
 
     Raises:
         SchemaError: the key is none.

@@ -1,4 +1,4 @@
-"""YAML that people write: nothing in it is taken twice or for something else without a word. Pure."""
+"""Reads YAML written by people: no duplicate keys, no silent reinterpretation. Pure."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from yaml.nodes import MappingNode, Node, SequenceNode
 
 
 class YamlError(Exception):
-    """A text that is no YAML, or says something twice. line: where, from 1."""
+    """The text is not YAML, or has a duplicate key. line: where, from 1."""
 
     def __init__(self, line: int, reason: str) -> None:
         super().__init__(f"line {line}: {reason}")
@@ -66,5 +66,5 @@ class _Loader(yaml.SafeLoader):
         keys = [key.value for key, _ in node.value]
         for place, (key, _) in enumerate(node.value):
             if key.value in keys[:place]:
-                raise yaml.constructor.ConstructorError(None, None, f"{key.value!r} is there twice", key.start_mark)
+                raise yaml.constructor.ConstructorError(None, None, f"{key.value!r} is given twice", key.start_mark)
         return super().construct_mapping(node, deep)

@@ -1,1 +1,1 @@
-"""Object clouds: the points of every object that a camera's detections show, without background."""
+"""Cuts object clouds: the points of every detected object, without background."""

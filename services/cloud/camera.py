@@ -1,4 +1,4 @@
-"""One camera at a worker: what its objects are made of comes in while somebody wants them, their clouds go out."""
+"""Receives one camera's detections and points while object clouds are wanted, and publishes the clouds."""
 
 import asyncio
 import logging
@@ -59,11 +59,11 @@ _LOST: Final[dict[type[Any], str]] = {
     PointCloud: TOO_MANY_POINTS,
     Transforms: TOO_MANY_TRANSFORMS,
 }
-"""What is more than can wait counts as that; of calibrations the newest is all that matters."""
+"""Reason for messages beyond that; of calibrations only the newest matters."""
 
 
 class CloudCamera:
-    """Cuts one camera's objects out of points. executor: does so, off the event loop."""
+    """Cuts one camera's objects out of points. executor: runs the cutting, off the event loop."""
 
     def __init__(
         self,
@@ -89,7 +89,7 @@ class CloudCamera:
         self._news = asyncio.Event()
 
     async def run(self, points: CameraKey, publish: Callable[[ObjectClouds], None]) -> None:
-        """Work with the points of that sensor until cancelled."""
+        """Work with the points of this sensor until cancelled."""
         tf, tf_static = (RobotStreamKey(self._key.robot, stream) for stream in (TF, TF_STATIC))
         wants_points = Wanted(StreamKey(points, Stream.POINTS), clock_id(), self._worker)
         wants_tf = Wanted(tf, clock_id())  # other cameras here want them too
@@ -185,7 +185,7 @@ class CloudCamera:
             self._account.done += 1
 
     async def _publish_clouds(self, matched: Matched, publish: Callable[[ObjectClouds], None]) -> str:
-        """Return why there are none, or nothing."""
+        """Return why no object has a cloud, or an empty string."""
         found = matched.detections
         if matched.cloud is None:
             publish(nothing(found, matched.unknown, self._worker).clouds)

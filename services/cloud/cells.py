@@ -1,4 +1,4 @@
-"""What a camera's picture shows of objects, and the means of their readings cell by cell. Pure."""
+"""Averages the readings of objects in cells of the camera's image. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from services.geometry.masks import Window
 Numbers = NDArray[Any]
 
 READINGS: Final = 512
-"""Of an object's readings so many at most say what its faces are."""
+"""Maximum number of an object's readings that its faces are fitted to."""
 
 CELLS: Final = 128
-"""In so many cells of its picture at most, of each of which the mean counts."""
+"""Maximum number of cells of its image, each with the mean of its readings."""
 
 SHARES: Final = (0.02, 0.5, 0.98)
-"""Of its readings: which ones are the farthest, in the middle and the nearest."""
+"""Quantiles of its readings: farthest, middle and nearest."""
 
 _THIN: Final = 1e-12
 """Share of the square of its trace that the determinant of what is only a line's spread has at most."""
@@ -30,7 +30,7 @@ _TINY: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """An object and its readings in a picture so many pixels wide.
+    """An object and its readings in an image of this width in pixels.
 
     at: flat places of these in the picture, ascending. xyz: (3, n) these.
     """
@@ -42,18 +42,18 @@ class Seen:
 
     @property
     def mask(self) -> Window:
-        """The object in the picture."""
+        """The object's mask in the image."""
         return self.masked.mask
 
     @property
     def inner(self) -> Window:
-        """What is trusted of it, in the same window."""
+        """The trusted part of the mask, in the same window."""
         return self.masked.inner
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """Means of n objects' readings. directions: (3, n, CELLS), level. inverse, weights: (n, CELLS).
+    """Means of n objects' readings per cell. directions: (3, n, CELLS), level. inverse, weights: (n, CELLS).
 
     places: (n, 3, 3), how directions follow from (1, column, row) in the window. depths: (3, n), the far, the middle
     and the near ones.
@@ -67,7 +67,7 @@ class Cells:
 
 
 def cells_of(objects: Sequence[Seen], axes: Numbers) -> Cells:
-    """Return the means of objects' readings; axes: (3, 3), what is level, left and up, a row each."""
+    """Return the means of objects' readings; axes: (3, 3), ahead, left and up, one row each."""
     kept = [some(len(seen.at), READINGS) for seen in objects]
     at = np.concatenate([seen.at[chosen] for seen, chosen in zip(objects, kept, strict=True)])
     xyz = np.concatenate([seen.xyz.take(chosen, axis=1) for seen, chosen in zip(objects, kept, strict=True)], axis=1)
@@ -91,7 +91,7 @@ def cells_of(objects: Sequence[Seen], axes: Numbers) -> Cells:
 
 
 def _depths(inverse: Numbers, weights: Numbers) -> Numbers:
-    """Return the depths of SHARES of each object's readings, (3, n)."""
+    """Return the depths at the quantiles SHARES of each object's readings, (3, n)."""
     ordered = np.sort(np.where(weights > 0, inverse, np.inf), axis=1)
     last = (weights > 0).sum(axis=1) - 1
     rows = np.arange(len(ordered))
@@ -99,7 +99,7 @@ def _depths(inverse: Numbers, weights: Numbers) -> Numbers:
 
 
 def _side(height: int, width: int) -> tuple[int, int]:
-    """Return the side of square cells of which at most CELLS cover a window, and how many there are in a row."""
+    """Return the side of square cells of which at most CELLS cover a window, and the number of cells per row."""
     side = max(2, int(np.sqrt(height * width / CELLS)))
     while -(-height // side) * -(-width // side) > CELLS:
         side += 1
@@ -107,7 +107,7 @@ def _side(height: int, width: int) -> tuple[int, int]:
 
 
 def _places(directions: Numbers, columns: Numbers, rows: Numbers, weights: Numbers) -> Numbers:
-    """Return how directions follow from pixels (n, 3, 3): within an object any lens is straight enough."""
+    """Return the linear maps from pixels to directions (n, 3, 3): within an object every lens is nearly linear."""
     share = weights / weights.sum(axis=1, keepdims=True)
     pixels, aimed = np.stack([columns, rows], axis=1), directions.transpose(1, 0, 2)
     middle, mean = pixels @ share[:, :, None], aimed @ share[:, :, None]
@@ -118,7 +118,7 @@ def _places(directions: Numbers, columns: Numbers, rows: Numbers, weights: Numbe
 
 
 def _inverted(matrices: Numbers) -> Numbers:
-    """Return the pseudoinverses of symmetric matrices (n, 2, 2) that have no eigenvalue below 0."""
+    """Return the pseudoinverses of symmetric positive semidefinite matrices (n, 2, 2)."""
     xx, xy, yy = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]
     trace, det = xx + yy, xx * yy - xy * xy
     thin = det <= _THIN * trace * trace

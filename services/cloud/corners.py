@@ -1,4 +1,4 @@
-"""The upright faces that fit the moments of readings best, many at once. Pure.
+"""Fits upright faces to the moments of readings, for many objects at once. Pure.
 
 Two faces meet in a corner: from right to left readings are of the right one first. A face's form is what its inverse
 depth is of a direction, see `surfaces`.
@@ -14,10 +14,10 @@ Indices = NDArray[np.intp]
 
 TURNS: Final = 10
 SPLITS: Final = 10
-"""Angles and places of the corner that are tried."""
+"""Number of angles and corner positions tried."""
 
 POLISH: Final = 0.14
-"""Radians by which faces are turned at most when those that were found are fitted to what is theirs."""
+"""Radians by which found faces are turned at most when refitted to their readings."""
 
 POLISHED: Final = 9
 _TINY: Final = 1e-9
@@ -25,7 +25,7 @@ _FLAT: Final = 1e-7
 
 
 def shares_of(products: Numbers) -> Numbers:
-    """Return what each reading adds to the moments of each of SPLITS runs of readings: (n, m, 5 * SPLITS)."""
+    """Return each reading's contribution to the moments of SPLITS runs of readings: (n, m, 5 * SPLITS)."""
     objects, count, moments = products.shape
     places = np.arange(count)
     run = np.searchsorted(np.arange(1, SPLITS + 1) * count // SPLITS, places, side="right")
@@ -42,7 +42,7 @@ def moments_of_runs(weights: Numbers, shares: Numbers) -> Numbers:
 
 
 def pair_of(sums: Numbers) -> Numbers:
-    """Return angle, scale of the right face and scale of the left one (n, 3) that fit best."""
+    """Return the best fitting angle, scale of the right face and scale of the left one (n, 3)."""
     right = sums[:, :, :-1].cumsum(axis=2)
     left = np.ascontiguousarray(sums[:, :, :0:-1].cumsum(axis=2)[:, :, ::-1])  # exactly 0 where nothing has weight
     angle = (-np.pi / 2 * (np.arange(TURNS) + 0.5) / TURNS).astype(np.float32)
@@ -54,7 +54,7 @@ def pair_of(sums: Numbers) -> Numbers:
 
 
 def single_of(moments: Numbers) -> Numbers:
-    """Return what `pair_of` does of the one face that fits best; there is no right one."""
+    """Return the result of `pair_of` for the single face that fits best; there is no right one."""
     xx, xy, yy, xw, yw = moments
     det = xx * yy - xy * xy
     flat = det <= _FLAT * xx * xx
@@ -76,7 +76,7 @@ def forms_of(pair: Numbers, kappa: Numbers) -> Numbers:
 
 
 def refined(forms: Numbers, left: Numbers, right: Numbers) -> Numbers:
-    """Return forms (n, 3, 3) that fit the moments (5, n) of the readings of either upright face best."""
+    """Return the forms (n, 3, 3) that best fit the moments (5, n) of the readings of each upright face."""
     start = np.arctan2(forms[:, 0, 1], forms[:, 0, 0])
     angles = start + np.linspace(-POLISH, POLISH, POLISHED, dtype=np.float32)[:, None]
     c, s = np.cos(angles), np.sin(angles)
@@ -94,7 +94,7 @@ def refined(forms: Numbers, left: Numbers, right: Numbers) -> Numbers:
 
 
 def _search(right: Numbers, left: Numbers, angle: Numbers) -> tuple[Numbers, Indices]:
-    """Return the angles that fit best with the scales of both faces, (3, n), and at which split (n,) that is."""
+    """Return the best fitting angles with the scales of both faces, (3, n), and their split (n,)."""
     c, s = np.cos(angle), np.sin(angle)
     left_k, gain = _fitted(left, c, s)
     right_k, gain_right = _fitted(right, -s, c)

@@ -1,4 +1,4 @@
-"""Detections and the points of their instant to ObjectClouds, with every reason why not. Pure."""
+"""Turns detections and the points of their instant into ObjectClouds, with a reason for each missing one. Pure."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ NO_ROOM: Final = "more points than fit in the message"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """What objects are cut out of. Nobody changes it any more, so any thread may do it.
+    """The input of cutting. Immutable, so any thread may use it.
 
     info: the colour camera's. moves: see `Instant`.
     """
@@ -37,7 +37,7 @@ class Job:
 
     @classmethod
     def of(cls, detections: Detections, cloud: PointCloud, waiting: CloudJoiner, target_frame: str) -> "Job":
-        """Take what is known of the instant now."""
+        """Snapshot the sensor data of the instant."""
         return cls(
             detections,
             cloud,
@@ -49,7 +49,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """What came of it; unknown: why no object could be measured, or empty."""
+    """The result of cutting; unknown: why no object could be measured, or empty."""
 
     clouds: ObjectClouds
     unknown: str = ""
@@ -70,7 +70,7 @@ def cut(job: Job, limits: CloudLimits, worker: str) -> Cut:
 
 
 def apart(detections: Detections, measured: Callable[[Detections], ObjectClouds]) -> ObjectClouds:
-    """Return what is measured of detections; if one object makes that fail, in whatever way, it alone has no cloud.
+    """Measure detections; if one object fails, in whatever way, only that one has no cloud.
 
     Raises:
         GeometryError: none can be measured.
@@ -84,7 +84,7 @@ def apart(detections: Detections, measured: Callable[[Detections], ObjectClouds]
 
 
 def _each(detections: Detections, measured: Callable[[Detections], ObjectClouds]) -> ObjectClouds:
-    """Return what is measured of each of the detections by itself."""
+    """Measure each of the detections by itself."""
     clouds: list[ObjectCloud] = []
     unmeasured: dict[int, str] = {}
     room = MAX_OBJECT_POINTS
@@ -104,7 +104,7 @@ def _each(detections: Detections, measured: Callable[[Detections], ObjectClouds]
 
 
 def _masked(detections: Detections, only: int | None) -> Detections:
-    """Return detections of which at most one has its mask."""
+    """Return detections of which at most one keeps its mask."""
     objects = [
         found if index == only else msgspec.structs.replace(found, mask=None)
         for index, found in enumerate(detections.objects)
@@ -113,7 +113,7 @@ def _masked(detections: Detections, only: int | None) -> Detections:
 
 
 def nothing(detections: Detections, reason: str, worker: str) -> Cut:
-    """Return that no object of a picture has a cloud, and why."""
+    """Return a result in which no object has a cloud, with the reason."""
     clouds = ObjectClouds(
         header=detections.header,
         objects=[],

@@ -1,4 +1,4 @@
-"""Detections and points of the same instant to the clouds of the objects. Pure."""
+"""Turns detections and points of the same instant into object clouds. Pure."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ NO_MASK: Final = "its detection has no mask: the model does not segment"
 
 @dataclass(frozen=True, slots=True)
 class CloudLimits:
-    """What becomes of an object's points.
+    """Limits on an object's points.
 
     min_points: fewer are no object. max_points: of more, so many are sent. voxel_m: the edge of cubes of each of which
     one point is sent, 0 to send all.
@@ -39,7 +39,7 @@ class CloudLimits:
     voxel_m: float = 0.0
 
     def limited(self, points: Cutout) -> Cutout:
-        """Return those of the points that are sent."""
+        """Return the points to send."""
         if not self.voxel_m and len(points.at) <= self.max_points:
             return points
         return points.only(self._thinned(points.xyz))
@@ -56,7 +56,7 @@ class CloudLimits:
 def measure(
     detections: Detections, view: CloudView, *, of: Header, target: Target, limits: CloudLimits, worker: str
 ) -> ObjectClouds:
-    """Return the cloud of every detected object that has one, and why the others have none.
+    """Return the cloud of every detected object that has one, and the reasons for the others.
 
     of: the header of the points. view: them as the camera of the detections sees them.
     """
@@ -103,7 +103,7 @@ def _joined(parts: Sequence[tuple[Numbers, Boxes]]) -> tuple[Numbers, Boxes]:
 
 
 def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple[int, Window]]:
-    """Decode the masks; why there is none goes to `unmeasured`."""
+    """Decode the masks; failures go to `unmeasured`."""
     masks = {index: found.mask for index, found in enumerate(detections.objects) if found.mask is not None}
     unmeasured.update(dict.fromkeys(set(range(len(detections.objects))).difference(masks), NO_MASK))
     for index, window in zip(masks, decode_all(masks.values()), strict=True):
@@ -116,7 +116,7 @@ def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple
 def _found(
     masks: Mapping[int, Masked], view: CloudView, limits: CloudLimits, unmeasured: dict[int, str]
 ) -> Iterator[dict[int, tuple[Cutout, Cutout]]]:
-    """Yield the points that are each object's own, and those of them that are sent, of some objects at a time.
+    """Yield each object's own points, and those of them that are sent, for some objects at a time.
 
     Why there are none goes to `unmeasured`.
     """
@@ -140,7 +140,7 @@ def _found(
 def _groups(
     candidates: Iterable[tuple[int, Candidates]], limits: CloudLimits, unmeasured: dict[int, str]
 ) -> Iterator[dict[int, Candidates]]:
-    """Return those that have enough points, and of their own, some at a time."""
+    """Yield the objects with enough points, and their own points, some at a time."""
     group: dict[int, Candidates] = {}
     count = 0
     for index, each in candidates:
@@ -160,7 +160,7 @@ def _groups(
 
 
 def _isolated(group: Sequence[Candidates]) -> Iterator[Cutout]:
-    """Yield those points that are the foreground in each mask and stand not alone."""
+    """Yield the foreground points of each mask, without outliers."""
     widths = np.array([each.width for each in group], np.float32)
     chosen = own([each.depth for each in group], widths, [each.around for each in group])
     kept = [_only(mine, each.points) for each, mine in zip(group, chosen, strict=True)]
@@ -169,7 +169,7 @@ def _isolated(group: Sequence[Candidates]) -> Iterator[Cutout]:
 
 
 def _only(chosen: NDArray[np.bool_] | None, points: Cutout) -> Cutout:
-    """Return the points that are chosen, None for all of them."""
+    """Return the chosen points, None for all of them."""
     return points if chosen is None else points.only(np.flatnonzero(chosen))
 
 
@@ -181,9 +181,9 @@ def _check_enough(count: int, limits: CloudLimits, where: str) -> None:
 def _check_own(found: Candidates) -> None:
     if not found.own:
         count = len(found.depth)
-        raise CloudError(f"{count} points within its mask, all of what is around it: it gives none itself")
+        raise CloudError(f"{count} points within its mask, all from its surroundings: it returns none itself")
 
 
 def _check_room(count: int, room: int) -> None:
     if count > room:
-        raise CloudError(f"the objects before it have nearly all of the {MAX_OBJECT_POINTS} points of a message")
+        raise CloudError(f"the objects before it use nearly all of the {MAX_OBJECT_POINTS} points of a message")

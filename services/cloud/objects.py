@@ -1,4 +1,4 @@
-"""Objects as messages say them: points, colours, and shapes in the points' frame and in the target's. Pure."""
+"""Builds messages of objects: points, colours, and shapes in the points' frame and the target frame. Pure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,20 +26,20 @@ OPTICAL: Final = "optical"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """The target frame; from_points: 4 x 4, moves the points into it, or absent where `unknown` says why."""
+    """The target frame. from_points: 4 x 4, moves points into it, or absent where `unknown` gives the reason."""
 
     frame_id: str = ""
     from_points: Numbers | None = None
     unknown: str = ""
 
     def up(self, frame_id: str) -> Numbers:
-        """Return what is up in the points' frame: the target's z where that is known, else what REP 103 of ROS says."""
+        """Return the up direction in the points' frame: the target's z where known, else that of ROS REP 103."""
         if self.from_points is not None:
             return np.asarray(self.from_points[2, :3])
         return OPTICAL_UP if OPTICAL in frame_id else ROS_UP
 
     def transform(self, points: Header) -> Transform | None:
-        """Return where the points' frame is in it."""
+        """Return the points' frame in the target frame."""
         if self.from_points is None:
             return None
         x, y, z, w = quaternion_of(self.from_points).tolist()
@@ -59,7 +59,7 @@ def objects_of(
     level: Level,
     target: Target,
 ) -> list[ObjectCloud]:
-    """Return the clouds of those of the detections that have points.
+    """Return the clouds of the detections that have points.
 
     shapes: their centroids (n, 3) and boxes, that stand upright by `level`.
     """
@@ -85,7 +85,7 @@ def _octets(values: NDArray[Any] | None) -> memoryview:
 
 
 def _moved(transform: Numbers, centroids: Numbers, boxes: Boxes) -> list[Shape]:
-    """Return shapes in the target frame, whose z is what was up."""
+    """Return shapes in the target frame, whose z axis is the given up direction."""
     there = Boxes(moved(transform, boxes.centres), boxes.sizes, boxes.along @ transform[:3, :3].T)
     return _shapes(moved(transform, centroids), there, ROS_LEVEL)
 

@@ -1,4 +1,4 @@
-"""Which points of masks are the objects': the foreground, less what stands alone; many objects at once. Pure."""
+"""Selects the points of masks that belong to the objects: foreground without outliers; many at once. Pure."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -12,26 +12,26 @@ Selection = NDArray[np.bool_]
 
 SAMPLE: Final = 512
 AROUND: Final = 256
-"""So many depths of an object, and around it, say which surfaces are its own."""
+"""Number of depths of an object, and around it, by which surfaces are selected."""
 
 CLOSE: Final = 2
-"""So many readings farther on in the order of depth is the next one still close where there is a surface: edges where
-two depths are mixed join none."""
+"""In a surface, the reading this many places farther on in the order of depth is still close: the mixed depths at edges
+do not join surfaces."""
 
 GAP: Final = 0.05
-"""How close that is, relative to the depth."""
+"""Maximum gap that counts as close, relative to the depth."""
 
 SUBSTANTIAL: Final = 0.25
 """A surface with at least this share of the largest one's points may be the object."""
 
 HOLLOW: Final = 0.3
-"""Gaps of up to this share of the object's width are within it: a mast before its cabin."""
+"""Gaps up to this share of the object's width are part of it: a mast before its cabin."""
 
 OWN: Final = 2.0
-"""A surface that is so many times as much of the mask as of what is around it is the object's wherever it is."""
+"""A surface whose share of the mask is this many times its share of the surroundings belongs to the object."""
 
 FOREIGN: Final = 3.0
-"""One that is so many times as much of what is around it is something before the object."""
+"""One whose share of the surroundings is this many times its share of the mask is an occluder."""
 
 CELLS: Final = 16
 """Cells along the longest side of the grid in which points have neighbours."""
@@ -49,7 +49,7 @@ _CORNER: Final = np.float32(SIDE**2 + SIDE + 1)
 
 
 def own(depths: Sequence[Floats], widths: Floats, around: Sequence[Floats]) -> list[Selection | None]:
-    """Return which points of each object are its own, None for all of them.
+    """Return which points belong to each object, None for all of them.
 
     Those on its nearest substantial surface are, and on what is close behind it; what shows through gaps, or beside
     edges that the mask missed, is on surfaces of its own behind it. But what is mostly around the mask is something
@@ -77,7 +77,7 @@ def own(depths: Sequence[Floats], widths: Floats, around: Sequence[Floats]) -> l
 
 
 def _surfaces(within: Floats) -> tuple[Indices, Indices, Indices]:
-    """Return whose each surface is, and its first and last depth in the ascending rows."""
+    """Return the object of each surface, and the surface's first and last depth in the ascending rows."""
     dense = np.zeros((len(within), SAMPLE - CLOSE + 2), np.bool_)
     np.less_equal(within[:, CLOSE:], within[:, :-CLOSE] * np.float32(1 + GAP), out=dense[:, 1:-1])
     rows, edges = np.nonzero(dense[:, 1:] != dense[:, :-1])
@@ -85,7 +85,7 @@ def _surfaces(within: Floats) -> tuple[Indices, Indices, Indices]:
 
 
 def _kept(within: Floats, surfaces: tuple[Indices, Indices, Indices], widths: Floats, around: Floats) -> Selection:
-    """Return which surfaces are the objects'."""
+    """Return which surfaces belong to the objects."""
     whose, first, last = surfaces
     near, far = within[whose, first], within[whose, last]
     inside = (last - first + 1) / SAMPLE
@@ -105,20 +105,20 @@ def _kept(within: Floats, surfaces: tuple[Indices, Indices, Indices], widths: Fl
 
 
 def _most(values: NDArray[Any], whose: Indices, count: int) -> NDArray[Any]:
-    """Return the greatest of each object's values, which are not below 0; 0 of none."""
+    """Return the maximum of each object's values, which are not negative; 0 if there are none."""
     most = np.zeros(count)
     np.maximum.at(most, whose, values)
     return most
 
 
 def _shares(around: Floats, near: Floats, far: Floats) -> NDArray[Any]:
-    """Return which share of each row's readings, NaN for none, are from near to far; 0 of no readings."""
+    """Return the share of each row's readings (NaN for none) between near and far; 0 without readings."""
     met = (around >= near[:, np.newaxis] * (1 - GAP)) & (around <= far[:, np.newaxis] * (1 + GAP))
     return np.asarray(met.sum(axis=1) / np.maximum((around > 0).sum(axis=1), 1))
 
 
 def _rows(around: Sequence[Floats]) -> Floats:
-    """Return AROUND of each object's values at most, NaN for what is no reading: (n, AROUND)."""
+    """Return at most AROUND of each object's values, NaN for missing readings: (n, AROUND)."""
     rows = np.full((len(around), AROUND), np.nan, np.float32)
     counts = np.array([len(depth) for depth in around])
     some = counts > 0
@@ -127,7 +127,7 @@ def _rows(around: Sequence[Floats]) -> Floats:
 
 
 def _near(depth: Floats, ascending: Floats, chosen: Selection) -> Selection:
-    """Return of which depths the nearest of the ascending ones is chosen."""
+    """Return for which depths the nearest of the ascending ones is chosen."""
     last = np.flatnonzero(chosen[1:] != chosen[:-1])
     exact = ascending.astype(np.float64)
     near = np.full(len(depth), chosen[0])
@@ -137,7 +137,7 @@ def _near(depth: Floats, ascending: Floats, chosen: Selection) -> Selection:
 
 
 def crowded(objects: Sequence[Floats]) -> list[Selection | None]:
-    """Return which of each object's (3, n) points, at least one, have neighbours of it, None for all of them.
+    """Return which of each object's (3, n) points, at least one, have neighbours, None for all of them.
 
     That is in their cell of a grid around all of its points, or in the next ones.
     """
@@ -158,7 +158,7 @@ def crowded(objects: Sequence[Floats]) -> list[Selection | None]:
 
 
 def _cells(xyz: Floats) -> Indices:
-    """Return in which cell of a grid around all of them (3, n) points are."""
+    """Return the cell of each of the (3, n) points in a grid around all of them."""
     low = xyz.min(axis=1, keepdims=True)
     places = xyz - low
     places *= np.float32(1) / np.maximum(places.max() / np.float32(CELLS), np.float32(MIN_SIDE_M))

@@ -1,4 +1,4 @@
-"""What a camera's picture shows an object in, and which points of a cloud that is. Pure."""
+"""Selects the points of a cloud that lie in an object's mask in the camera's image. Pure."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,25 +13,25 @@ from services.geometry.foreground import WELL_READ, has_own_depth
 from services.geometry.masks import Window, eroded, surroundings
 
 NEAR_M: Final = 0.05
-"""Points nearer to the camera than this are of its own housing, or no readings."""
+"""Nearer points belong to the camera's own housing, or are no readings."""
 
 EDGE: Final = 1
-"""Pixels at the edge of a mask that are not trusted: two surfaces are mixed there, or it is the wrong one."""
+"""Untrusted pixels at the edge of a mask: they mix two surfaces, or the edge is wrong."""
 
 SOLID: Final = 0.6
-"""A mask that would lose more than the rest of its pixels with its edge keeps it."""
+"""A mask keeps its edge if less than this share of its pixels would remain without it."""
 
 RING: Final = 5
-"""Pixels around a mask that say what is behind and before the object."""
+"""Width in pixels of the surroundings of a mask, which show what is behind and before the object."""
 
 AROUND: Final = 512
-"""So many of them at most."""
+"""Maximum number of these pixels."""
 
 MEASURED: Final = 256
-"""So many points of an object, or up to twice as many, say how wide it is."""
+"""Number of points, up to twice as many, from which an object's width is estimated."""
 
 AT_ONCE: Final = 1 << 18
-"""So many points of objects are read at once, or those of one more object."""
+"""Number of points of objects read at once, unless a single object has more."""
 
 
 def trusted(window: Window) -> Window:
@@ -42,23 +42,23 @@ def trusted(window: Window) -> Window:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Masked:
-    """An object in the picture. mask: it; inner: what is trusted of it, in the same window."""
+    """An object in the image. mask: its pixels; inner: the trusted part of them, in the same window."""
 
     mask: Window
     inner: Window
 
     @classmethod
     def of(cls, mask: Window) -> Self:
-        """Take the edge off."""
+        """Make the outline of a mask, with its edge removed."""
         return cls(mask, trusted(mask))
 
     def around(self, height: int, width: int) -> Window:
-        """Return the pixels of a picture so large that are within RING of the mask, but not of it."""
+        """Return the pixels of an image of this size that are within RING of the mask, but not in it."""
         window = self.widened(height, width)
         return Window(window.top, window.left, surroundings(window, RING))
 
     def widened(self, height: int, width: int) -> Window:
-        """Return the mask in a window with RING more pixels on each side, as far as a picture so large goes."""
+        """Return the mask in a window with a margin of RING pixels, clipped to an image of this size."""
         (top, left), (rows, columns) = (self.mask.top, self.mask.left), self.mask.pixels.shape
         above, before = min(RING, top), min(RING, left)
         below, behind = min(RING, height - top - rows), min(RING, width - left - columns)
@@ -70,21 +70,21 @@ class Masked:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cutout:
-    """Some of a cloud's points: their numbers in it, coordinates (3, n) in its frame, colours (n, 3) if it has any."""
+    """Some points of a cloud: indices, coordinates (3, n) in its frame, and colours (n, 3) if it has any."""
 
     at: Indices
     xyz: Floats
     rgb: Bytes | None
 
     def only(self, which: Indices) -> "Cutout":
-        """Return some of them."""
+        """Return a selection of the points."""
         rgb = None if self.rgb is None else self.rgb.take(which, axis=0)
         return Cutout(self.at.take(which), self.xyz.take(which, axis=1), rgb)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """Points that a mask covers; some of them are the object's.
+    """Points covered by a mask; some of them belong to the object.
 
     depth: n metres along the camera's view, above 0. width: of them in the picture, in metres at 1 m. around: such
     depths just outside of the mask; NaN and 0 are none. own: whether any of them are the object's.
@@ -98,7 +98,7 @@ class Candidates:
 
 
 class CloudView(Protocol):
-    """A cloud as the camera sees it."""
+    """A cloud seen from the camera."""
 
     def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
         """Return the points that the camera sees within each mask, and around it."""
@@ -106,7 +106,7 @@ class CloudView(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RegisteredView:
-    """A cloud with a point for each pixel, or for one of every `factor` x `factor` pixels."""
+    """A cloud with one point per pixel, or per block of `factor` x `factor` pixels."""
 
     points: Points
     factor: int = 1
@@ -124,7 +124,7 @@ class RegisteredView:
             yield from self._candidates(group)
 
     def _numbers(self, window: Window, most: int | None = None) -> Indices:
-        """Return which points are of the pixels of a mask, or so many of them."""
+        """Return the points of the pixels of a mask, or that many of them."""
         first = self.factor // 2
         top, left = (first - window.top) % self.factor, (first - window.left) % self.factor
         pixels = window.pixels[top :: self.factor, left :: self.factor]
@@ -155,7 +155,7 @@ class RegisteredView:
             yield Candidates(found, found.xyz[2], width, around[first:last], own)
 
     def _has_own(self, mask: Masked) -> bool:
-        """See `has_own_depth`; a point is what all pixels show that there is one for."""
+        """See `has_own_depth`; a point stands for every pixel it covers."""
         window = mask.widened(*(self.factor * side for side in self.points.shape))
         rows, columns = (np.arange(part.start, part.stop) // self.factor for part in window.place)
         xyz = self.points.take((rows[:, np.newaxis] * self.points.shape[1] + columns).reshape(-1)).xyz()
@@ -164,7 +164,7 @@ class RegisteredView:
 
 
 def widths_of(xyz: Floats, bounds: Indices) -> Floats:
-    """Return how wide n objects before a camera are in its picture, in metres at 1 m; 0 of no points.
+    """Return the width of n objects in the image, in metres at a distance of 1 m; 0 without points.
 
     bounds: (n + 1,) which of the points (3, ...) are whose.
     """
@@ -182,7 +182,7 @@ def widths_of(xyz: Floats, bounds: Indices) -> Floats:
 
 
 def factor_of(height: int, width: int, points: Points) -> int:
-    """Return how many pixels of a picture there are for each point across and down; 0 if they do not come out even."""
+    """Return the number of image pixels per point across and down; 0 if it is not an integer."""
     rows, columns = points.shape
     if not points.is_organised or height % rows or width % columns or height // rows != width // columns:
         return 0

@@ -1,4 +1,4 @@
-"""A PointCloud's bytes as coordinates and colours, whatever its layout: only what is asked for is copied. Pure."""
+"""Reads coordinates and colours of a PointCloud of any layout, copying only the requested ones. Pure."""
 
 from dataclasses import dataclass
 from typing import Any, Final, Self
@@ -13,7 +13,7 @@ from services.geometry.errors import GeometryError
 
 
 class CloudError(GeometryError):
-    """Points that cannot be used, or an object that has none; its text says why and fits a result's `unmeasured`."""
+    """Unusable points, or an object without any; the text is a reason that fits a result's `unmeasured`."""
 
 
 Floats = NDArray[np.float32]
@@ -21,10 +21,10 @@ Bytes = NDArray[np.uint8]
 Indices = NDArray[np.intp]
 
 MAX_POINTS: Final = 4_000_000
-"""Points of a cloud that are looked at; a message may hold more, of a byte each."""
+"""Maximum number of points of a cloud; a message could hold more, of one byte each."""
 
 FAR_M: Final = 10_000.0
-"""What is said to be farther away than this is none of a camera's or lidar's readings."""
+"""Points farther away than this are no readings of a camera or lidar."""
 
 AXES: Final = ("x", "y", "z")
 _TYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
@@ -72,11 +72,11 @@ class Points:
 
     @property
     def is_organised(self) -> bool:
-        """Whether the points lie in rows and columns as a picture's pixels do."""
+        """Whether the points lie in rows and columns like the pixels of an image."""
         return min(self.shape) > 1
 
     def take(self, at: Indices) -> "Points":
-        """Return one row of the points with these numbers, counted row by row. Copies them."""
+        """Return one row of the points with these indices, counted row by row. Copies them."""
         if self.records.strides[0] == self.records.shape[1] * self.records.itemsize:
             taken = self.records.reshape(-1).take(at)
         else:
@@ -101,7 +101,7 @@ class Points:
 
 
 def usable(xyz: Floats) -> NDArray[np.bool_]:
-    """Return which points are measured: within FAR_M, and not the origin that some drivers send for no reading."""
+    """Return which points are readings: within FAR_M, and not the origin, which some drivers send for none."""
     x, y, z = xyz
     with np.errstate(over="ignore", invalid="ignore"):
         apart = x * x + y * y + z * z  # infinite or NaN if any of them is
@@ -121,7 +121,7 @@ _JITTERED: Final = np.arange(len(_JITTER)) + _JITTER
 
 
 def some(count: int, wanted: int) -> Indices:
-    """Return ascending numbers below `count`, all of them or about `wanted`, and never more than that.
+    """Return ascending numbers below `count`: all of them or about `wanted`, never more.
 
     They are spread evenly but not regularly: of rows of points a regular step may take a single column.
     """
@@ -135,7 +135,7 @@ def some(count: int, wanted: int) -> Indices:
 
 
 def spread(counts: Indices, wanted: int) -> Indices:
-    """Return exactly `wanted` ascending numbers of each of n ranges that follow each other from 0 on: (n, wanted).
+    """Return exactly `wanted` ascending numbers of each of n consecutive ranges from 0 on: (n, wanted).
 
     counts: (n,) how long they are. The numbers are spread as `some` does it, and some of them are there twice.
     """

@@ -1,4 +1,4 @@
-"""The cloud process: join the bus, work."""
+"""The cloud process: joins the bus and works."""
 
 import asyncio
 import logging
@@ -23,21 +23,21 @@ from services.worker.worker import Worker, publish_while_wanted
 
 
 class Sensors:
-    """The cameras that are there. chosen: where a camera's points are from, by their names, where the settings say."""
+    """Tracks the cameras and point streams online. chosen: point source per camera name, from the settings."""
 
     def __init__(self, chosen: Mapping[str, str]) -> None:
         self._chosen = chosen
         self._there: defaultdict[tuple[str, Stream], set[CameraKey]] = defaultdict(set)
 
     def note(self, key: StreamKey, *, alive: bool) -> None:
-        """Note that a stream of points or colour came or went."""
+        """Note that a stream of points or colour appeared or disappeared."""
         of = (key.camera.robot, key.stream)
         (self._there[of].add if alive else self._there[of].discard)(key.camera)
         if not self._there[of]:
             del self._there[of]
 
     def points_of(self, camera: CameraKey) -> CameraKey | None:
-        """Return whose points are those of a camera, if they are there.
+        """Return the sensor whose points a camera uses, if it is online.
 
         Its own; else those of the first, by name, of the robot's sensors that see no colour: a lidar.
         """
@@ -54,11 +54,11 @@ log = logging.getLogger(__name__)
 
 SERVICE: Final = "cloud"
 METHOD: Final = "geometry"
-"""What status messages say instead of a model's name."""
+"""The model's name in status messages."""
 
 
 class CloudWorker:
-    """Serves the cameras that fall to it. executor: cuts clouds, off the event loop."""
+    """Serves the cameras assigned to this worker. executor: cuts clouds, off the event loop."""
 
     def __init__(self, bus: Bus, settings: CloudSettings, executor: Executor, *, join_s: float = JOIN_S) -> None:
         self._bus = bus
@@ -79,7 +79,7 @@ class CloudWorker:
     async def _watch(self, stream: Stream) -> None:
         async with self._bus.watch(keys.every_stream_alive(stream)) as watch:
             async for presence in watch:
-                with suppress(SchemaError):  # the sharing of the work says what is no camera
+                with suppress(SchemaError):  # work sharing reports keys that are not cameras
                     sensor = keys.parse_stream(presence.key)
                     self._sensors.note(sensor, alive=presence.alive)
                     self._changed.pop(sensor.camera.robot, asyncio.Event()).set()
@@ -112,7 +112,7 @@ class CloudWorker:
         )
 
     async def _follow_points(self, key: CameraKey, work: Callable[[CameraKey], Coroutine[None, None, None]]) -> None:
-        """Work with the camera's points, whosever they are now, for ever."""
+        """Work with the camera's points, from whichever sensor has them, until cancelled."""
         while True:
             points = self._sensors.points_of(key)
             async with asyncio.TaskGroup() as group:

@@ -23,53 +23,51 @@ def _points(points: dict[str, str]) -> dict[str, str]:
 
 
 class CloudSettings(SharingSettings, BusSettings):
-    """Cut the objects that detectors found out of point clouds, for cameras whose object clouds somebody wants."""
+    """Cut detected objects out of point clouds, for cameras whose object clouds are subscribed to."""
 
     points: Annotated[
         dict[str, str],
         AfterValidator(_points),
         Field(
-            description="where a camera's points are from, as camera=lidar, several separated by commas; unless given,"
-            " the camera itself, and for one without points the robot's first sensor that is no camera"
+            description="source of a camera's points, as camera=lidar, several separated by commas; by default the"
+            " camera itself, or if it has no points the robot's first sensor that is not a camera"
         ),
     ] = {}
     target_frame: Annotated[
         str,
-        Field(
-            max_length=MAX_LABEL, description="frame of reference that objects are placed in, its z up; may be empty"
-        ),
+        Field(max_length=MAX_LABEL, description="frame of reference (z up) in which objects are placed; may be empty"),
     ] = "base_link"
     tolerance_ms: Annotated[
         float | None,
         Field(
             ge=0,
             le=1000,
-            description="how far apart the stamps of a picture and its points may be; half the points' period"
-            " unless given",
+            description="maximum difference between the stamps of an image and its points; by default half the period"
+            " of the points",
         ),
     ] = None
-    min_points: Annotated[int, Field(ge=1, le=10_000, description="fewer points are no object")] = 10
-    max_points: Annotated[int, Field(ge=100, le=1_000_000, description="most points of one object that are sent")] = (
+    min_points: Annotated[int, Field(ge=1, le=10_000, description="minimum number of points per object")] = 10
+    max_points: Annotated[int, Field(ge=100, le=1_000_000, description="maximum number of points sent per object")] = (
         100_000
     )
     voxel_m: Annotated[
-        float, Field(ge=0, le=1, description="edge of cubes of each of which one point is sent; 0 sends all")
+        float, Field(ge=0, le=1, description="edge of the voxels, one point of each is sent; 0 sends all")
     ] = 0.0
     memory_mib: Annotated[
         int,
         Field(
             ge=16,
             le=1_048_576,
-            description="memory for points and transforms that wait for detections, of all cameras together",
+            description="memory for points and transforms that wait for detections, for all cameras together",
         ),
     ] = MEMORY_BYTES // MIB
 
     @property
     def limits(self) -> CloudLimits:
-        """What becomes of an object's points."""
+        """Limits on an object's points."""
         return CloudLimits(min_points=self.min_points, max_points=self.max_points, voxel_m=self.voxel_m)
 
     @property
     def tolerance_ns(self) -> int | None:
-        """How far apart stamps of one instant may be; None for half a period."""
+        """Maximum difference between stamps of one instant; None for half a period."""
         return None if self.tolerance_ms is None else round(self.tolerance_ms * 1e6)

@@ -1,4 +1,4 @@
-"""The smallest upright boxes around objects. Pure."""
+"""Computes the smallest upright boxes around objects. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -13,31 +13,31 @@ from services.geometry.boxes import level_of
 Reals = NDArray[np.float64]
 
 TURNS: Final = 24
-"""Directions that are tried, over a quarter of a turn."""
+"""Number of directions tried over a quarter turn."""
 
 FINE: Final = 11
-"""Directions that are tried around the best of them."""
+"""Number of directions tried around the best of them."""
 
 ALIKE: Final = 1.1
-"""Rectangles of up to so many times the smallest area count as small."""
+"""Rectangles up to this many times the smallest area count as small."""
 
 _FINER: Final = np.linspace(-1, 1, FINE)
 
 MIN_AREA_M2: Final = 1e-9
 
 SAMPLES: Final = 2048
-"""So many points at most say how large an object is."""
+"""Maximum number of points from which an object's size is computed."""
 
 TURNED: Final = 256
-"""So many of them at most say how it is turned."""
+"""Maximum number of them from which its orientation is computed."""
 
 TRIM: Final = 0.005
-"""Share of the points that may lie beyond a side of the box: its size is not that of the noise."""
+"""Share of the points that may lie beyond a side of the box, so that noise does not enlarge it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
-    """What is upright in a frame of reference: unit vectors. x: the frame's own, made level; y: left of it."""
+    """The level axes and up direction of a frame of reference: unit vectors. x: its own, levelled; y: left of it."""
 
     x: Reals
     y: Reals
@@ -45,7 +45,7 @@ class Level:
 
     @classmethod
     def of(cls, up: Reals) -> Self:
-        """Return the level axes; where the frame's x axis is upright itself its z axis is taken instead."""
+        """Return the level axes; if the frame's x axis is upright, its z axis is used instead."""
         x = level_of(up)
         (a, b, c), (d, e, f) = up.tolist(), x.tolist()
         return cls(x, np.array([b * f - c * e, c * d - a * f, a * e - b * d]), up)
@@ -95,7 +95,7 @@ def _turned(angle: float) -> Floats:
 
 
 def _extent(points: Floats) -> tuple[Reals, Reals]:
-    """Return the lowest and highest value of each row, less what is beyond TRIM."""
+    """Return the minimum and maximum of each row, without the share TRIM beyond them."""
     last = points.shape[1] - 1
     beyond = int(last * TRIM)
     ordered = np.sort(points, axis=1)
@@ -109,7 +109,7 @@ def _angle(points: Floats) -> float:
 
 
 def _best(points: Floats, angles: NDArray[np.floating]) -> float:
-    """Return the angle of the rectangle around (2, n) points to whose sides they are nearest, of the small ones.
+    """Return the angle of the rectangle around (2, n) points that fits their edges best, of the small ones.
 
     Several rectangles around the two sides of a box that are seen, an L, are as small as each other.
     """

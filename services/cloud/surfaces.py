@@ -1,4 +1,4 @@
-"""The faces of upright boxes that noisy readings of a depth camera are of, many objects at once. Pure.
+"""Fits the faces of upright boxes to noisy readings of a depth camera, for many objects at once. Pure.
 
 A plane's inverse depth is linear in the direction that a pixel looks in, and there a stereo camera's noise is as large
 far away as near. Of a box one sees at most two upright faces that meet in a corner, and its top or its underside; what
@@ -22,13 +22,13 @@ Indices = NDArray[np.intp]
 
 ROUNDS: Final = 3
 LEVELS: Final = (0.35, 0.65, 0.93)
-"""Shares of an object's readings that may be below its top, or above its underside."""
+"""Shares of an object's readings that may lie below its top, or above its underside."""
 
 LEAST_HEIGHT_M: Final = 0.02
 """From the camera's own height a horizontal face is not seen."""
 
 COHERENT: Final = 12.0
-"""Pixels that have one reading's worth of noise between them: stereo cameras match windows."""
+"""Pixels per independent noise sample: stereo cameras match windows."""
 
 LIKELY: Final = 2.0
 """How much worse than the best another explanation may fit, in squared standard deviations."""
@@ -47,7 +47,7 @@ _NEAREST: Final = 20.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Faces:
-    """Of n objects. forms: (n, 3, 3), two upright faces' and the horizontal one's, NaN where there is none.
+    """Faces of n objects. forms: (n, 3, 3), two upright faces' and the horizontal one's, NaN where there is none.
 
     along: (n,) angles of the first upright face's normal. noise: (n,) standard deviations of inverse depth.
     """
@@ -57,7 +57,7 @@ class Faces:
     noise: Numbers
 
     def inverse_depth(self, directions: Numbers, nearer: Numbers | float = 0.0) -> Numbers:
-        """Return the inverse depth of each object in (n, 3, m) directions, (n, m); infinite where no face is.
+        """Return the inverse depth of each object in (n, 3, m) directions, (n, m); infinite where there is no face.
 
         nearer: (n, 3, 1) by how much each face's is taken to be larger.
         """
@@ -66,9 +66,9 @@ class Faces:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Readings:
-    """Of n objects, from right to left: directions x (ahead), y, z; inverse depths w; weights. (n, m) each.
+    """Readings of n objects, right to left: directions x (ahead), y, z; inverse depths w; weights. (n, m) each.
 
-    What has no weight is a copy of another one. products: (n, m, 5), what each adds to its face's moments.
+    Readings without weight are copies of others. products: (n, m, 5), the contribution of each to its face's moments.
     """
 
     x: Numbers
@@ -88,7 +88,7 @@ class _Readings:
         return first, second, level[:, :, 2] * self.z
 
     def trusted(self, off: Numbers, weights: Numbers) -> Numbers:
-        """Return weights that are the less the more a reading is off, by what those with `weights` are."""
+        """Return weights that fall with a reading's error, in units of the error of the readings with `weights`."""
         return self.weights / (1 + (off / (REACH * _deviation(off, weights))[..., None]) ** 2)
 
 
@@ -113,7 +113,7 @@ def fit_faces(directions: Numbers, inverse: Numbers, weights: Numbers) -> Faces:
 
 
 def _explained(readings: _Readings, levels: Numbers) -> Numbers:
-    """Return forms (h, n, 3, 3): with each horizontal face to start from (levels, n), with two upright faces or one."""
+    """Return forms (h, n, 3, 3): each initial horizontal face (levels, n) with one upright face or with two."""
     z, w = readings.z, readings.w
     level, trust = levels[:, :, np.newaxis], np.broadcast_to(readings.weights, (*levels.shape, z.shape[1]))
     heights = z / np.maximum(w, _TINY)
@@ -152,14 +152,14 @@ def _deviation(off: Numbers, weights: Numbers) -> Numbers:
 
 
 def _turned(directions: Numbers, by: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Return (3, n, m) directions as they are seen from axes that are turned."""
+    """Return (3, n, m) directions in rotated axes."""
     cos, sin = np.cos(by)[:, None], np.sin(by)[:, None]
     x, y, z = directions
     return cos * x + sin * y, cos * y - sin * x, z
 
 
 def _starts(z: Numbers, w: Numbers, share: Numbers) -> Numbers:
-    """Return heights that horizontal faces may have, (1 + LEVELS, n); NaN for none."""
+    """Return candidate heights of horizontal faces, (1 + LEVELS, n); NaN for none."""
     heights = np.sort(np.where(share > 0, z / np.maximum(w, _TINY), np.inf), axis=1)
     counts = (share > 0).sum(axis=1)
     rows = np.arange(len(heights))
@@ -178,7 +178,7 @@ def _seen(values: Numbers) -> Numbers:
 
 
 def _met(values: Numbers) -> Numbers:
-    """Return inverse depths as rays meet planes: 0 of one that is led away from, infinite where there is none."""
+    """Return inverse depths where rays meet planes: 0 for rays that lead away, infinite without a plane."""
     with np.errstate(invalid="ignore"):
         return np.maximum(np.fmin(values, np.float32(np.inf)), 0)
 
@@ -194,7 +194,7 @@ def _least(values: Numbers) -> Numbers:
 
 
 def _chosen(explanations: Numbers, readings: _Readings) -> tuple[Numbers, Numbers]:
-    """Return of each object the smallest of its likely explanations (h, n, 3, 3), and the noise that it leaves."""
+    """Return the smallest of each object's likely explanations (h, n, 3, 3), and its residual noise."""
     left, right, plane = readings.inverse(explanations)
     model = np.minimum(_met(np.fmin(np.fmin(left, right), plane)), _NEAREST)
     off = np.abs(readings.w - model)
@@ -210,7 +210,7 @@ def _chosen(explanations: Numbers, readings: _Readings) -> tuple[Numbers, Number
 
 
 def _polished(forms: Numbers, readings: _Readings) -> Numbers:
-    """Return forms (h, n, 3, 3) whose upright faces fit the readings that are theirs, turned by POLISH at most."""
+    """Return forms (h, n, 3, 3) whose upright faces fit their readings, turned by POLISH at most."""
     first, second, plane = (_seen(values) for values in readings.inverse(forms))
     least = np.minimum(np.minimum(first, second), plane)
     trust = readings.trusted(np.abs(readings.w - np.minimum(least, _NEAREST)), readings.weights)

@@ -1,4 +1,4 @@
-"""How a cloud lies to the pictures that detections are of. Pure."""
+"""Brings a cloud into the view of the image that detections were made in. Pure."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -42,12 +42,12 @@ LARGEST_CELL: Final = 32
 
 BEHIND: Final = 0.05
 BEHIND_M: Final = 0.25
-"""How much farther than the nearest of its cell, relatively and in metres, a point is that is hidden by it."""
+"""How much farther than the nearest point of its cell, relatively and in metres, a hidden point is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Seen:
-    """Points in the picture: their numbers in the cloud, where before the camera (3, n), and on which pixel."""
+    """Points in the image: indices in the cloud, positions before the camera (3, n), and pixels."""
 
     at: Indices
     xyz: Floats
@@ -55,11 +55,11 @@ class _Seen:
     rows: NDArray[np.int32]
 
     def only(self, kept: Indices) -> "_Seen":
-        """Return some of them."""
+        """Return a selection of the points."""
         return _Seen(self.at[kept], self.xyz.take(kept, axis=1), self.columns[kept], self.rows[kept])
 
     def depths(self, window: Window) -> Floats:
-        """Return how far before the camera what is on each pixel of a window is; NaN where there is nothing."""
+        """Return the depth of each pixel of a window; NaN where there is none."""
         rows, columns = self.rows - window.top, self.columns - window.left
         height, width = window.pixels.shape
         inside = np.flatnonzero((rows >= 0) & (rows < height) & (columns >= 0) & (columns < width))
@@ -70,14 +70,14 @@ class _Seen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectedView:
-    """A cloud before a camera. camera_from_points: 4 x 4, moves the points into the camera's optical frame."""
+    """A cloud in view of a camera. camera_from_points: 4 x 4, moves points into the camera's optical frame."""
 
     points: Points
     camera: CameraModel
     camera_from_points: FloatArray
 
     def within(self, masks: Sequence[Masked]) -> Iterator[Candidates]:
-        """See `CloudView.within`. Where masks overlap the first one has the points."""
+        """See `CloudView.within`. Where masks overlap, the first one gets the points."""
         if not masks:
             return
         camera, xyz = self.camera, self.points.xyz()
@@ -101,7 +101,7 @@ class ProjectedView:
 
 
 def _moved(transform: Floats, xyz: Floats) -> Floats:
-    """Return (3, n) points as a 4 x 4 transform moves them; a matrix product of so few rows is slower."""
+    """Return (3, n) points moved by a 4 x 4 transform; a matrix product of so few rows is slower."""
     x, y, z = xyz
     with np.errstate(over="ignore", invalid="ignore"):
         return np.stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in transform[:3]])
@@ -129,7 +129,7 @@ def _straight(camera: CameraModel, xyz: Floats) -> tuple[Floats, Floats]:
 
 
 def _bent(camera: CameraModel, xyz: Floats) -> tuple[Floats, Floats]:
-    """Project what may be in the picture: what is within the directions that its border looks in."""
+    """Project the points within the directions of the image's border."""
     across, down = np.arange(0, camera.width + 15, 16) - 0.5, np.arange(0, camera.height + 15, 16) - 0.5
     border = [(x, y) for x in across for y in (-0.5, camera.height - 0.5)]
     border += [(x, y) for y in down for x in (-0.5, camera.width - 0.5)]
@@ -144,7 +144,7 @@ def _bent(camera: CameraModel, xyz: Floats) -> tuple[Floats, Floats]:
 
 
 def _owners(windows: Sequence[Window], camera: CameraModel) -> NDArray[np.int16]:
-    """Return whose each pixel of the picture is, counted from 1, and 0 for nobody's."""
+    """Return the object of each pixel of the image, counted from 1, and 0 for none."""
     owners = np.zeros((camera.height, camera.width), np.int16)
     for number in range(len(windows), 0, -1):
         window = windows[number - 1]
@@ -153,7 +153,7 @@ def _owners(windows: Sequence[Window], camera: CameraModel) -> NDArray[np.int16]
 
 
 def _near(masks: Sequence[Masked], camera: CameraModel, side: int) -> Selection:
-    """Return which cells of the picture are in or around the windows of masks."""
+    """Return which cells of the image are in or around the windows of masks."""
     near = np.zeros((-(-camera.height // side), -(-camera.width // side)), np.bool_)
     for rows, columns in (each.mask.place for each in masks):
         near[
@@ -164,13 +164,13 @@ def _near(masks: Sequence[Masked], camera: CameraModel, side: int) -> Selection:
 
 
 def _cell_side(camera: CameraModel, count: int) -> int:
-    """Return the side of cells that have POINTS_A_CELL on average, when so many points are in the picture."""
+    """Return the side of cells with POINTS_A_CELL on average, given the number of points in the image."""
     apart = np.sqrt(POINTS_A_CELL * camera.width * camera.height / max(1, count))
     return int(np.clip(np.ceil(apart), SMALLEST_CELL, LARGEST_CELL))
 
 
 def _in_front(seen: _Seen, side: int, camera: CameraModel) -> Indices:
-    """Return which points nothing in the same cell of the picture hides."""
+    """Return which points are not hidden by another in the same cell of the image."""
     depth, across = seen.xyz[2], -(-camera.width // side)
     cells = seen.rows // side * across + seen.columns // side
     nearest = np.full(across * -(-camera.height // side), np.inf, np.float32)
@@ -182,10 +182,10 @@ Numbers = NDArray[Any]
 
 NO_INFO: Final = "no camera info of the colour image arrived, so no points can be projected into it"
 FARTHEST_M: Final = MAX_COORDINATE_M / 2
-"""How far away a target frame may be: what is near the points is then within what messages carry."""
+"""Maximum distance of a target frame: nearby points then fit in messages."""
 
 CHECKED: Final = 256
-"""So many points, those of them with a reading, say whether a cloud is registered."""
+"""Number of points with a reading from which a cloud is judged to be registered."""
 
 _STRAY_PIXELS: Final = 2.0
 _SAME: Final = 1e-4
@@ -193,7 +193,7 @@ _SAME: Final = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Instant:
-    """A picture's detections, and the points that belong to them. of: the header of the points.
+    """An image's detections and the points that belong to them. of: the header of the points.
 
     moves: 4 x 4, moves the points into the camera's optical frame, or why it is not known.
     """
@@ -206,14 +206,14 @@ class Instant:
 
 
 def view_of(instant: Instant) -> CloudView:
-    """Return the points as the camera sees them: pixel by pixel where they are registered to it, else projected.
+    """Return the points seen from the camera: pixel by pixel where registered to it, else projected.
 
     Raises:
         GeometryError: what is needed for that is not known.
     """
     moves = instant.moves
     if isinstance(moves, str):
-        raise CloudError(f"points cannot be brought to the picture: {moves}")
+        raise CloudError(f"points cannot be projected into the image: {moves}")
     factor = factor_of(instant.detections.height, instant.detections.width, instant.points)
     at_home = bool(factor) and bool(np.abs(moves - np.identity(4)).max() < _SAME)
     if at_home and not is_calibrated(instant.info):
@@ -225,7 +225,7 @@ def view_of(instant: Instant) -> CloudView:
 
 
 def moves_of(picture: Header, points: Header, tree: TransformTree) -> Numbers | str:
-    """Return the transform that moves points of their instant into the camera's frame at the picture's, or why not."""
+    """Return the transform from the points at their instant to the camera's frame at the image's, or why not."""
     try:
         return between(picture, points, tree)
     except TransformError as error:
@@ -233,13 +233,13 @@ def moves_of(picture: Header, points: Header, tree: TransformTree) -> Numbers | 
 
 
 def target_of(frame_id: str, points: Header, tree: TransformTree) -> Target:
-    """Return where points are in the target frame, which is none if it has no name."""
+    """Return the pose of the points in the target frame; none if that has no name."""
     if not frame_id:
         return Target()
     try:
         from_points = tree.lookup(frame_id, points.frame_id, points.stamp_ns)
         if np.abs(from_points[:3, 3]).max() > FARTHEST_M:
-            raise CloudError(f"{frame_id[:80]} is more than {FARTHEST_M:g} m away by the transforms")
+            raise CloudError(f"{frame_id[:80]} is more than {FARTHEST_M:g} m away according to the transforms")
     except GeometryError as error:
         return Target(frame_id, unknown=str(error))
     return Target(frame_id, from_points)
@@ -254,7 +254,7 @@ def _camera(instant: Instant) -> CameraModel:
 
 
 def _fits(points: Points, camera: CameraModel, factor: int) -> bool:
-    """Return whether points lie where their pixels look, as a registered cloud's do."""
+    """Return whether points lie along the rays of their pixels, as in a registered cloud."""
     at = some(points.shape[0] * points.shape[1], CHECKED)
     xyz = points.take(at).xyz()
     seen = np.flatnonzero(usable(xyz) & (xyz[2] > 0))

@@ -1,4 +1,4 @@
-"""How large an object is, and where its middle is, by what a camera's picture shows of it and not by readings alone.
+"""Computes the size and centre of an object from its visible mask, not from readings alone.
 
 Readings are lost at edges and on faces seen from aside, and noise makes objects deeper than they are: the faces that
 readings are of say where those pixels of the mask are that have none. Pure.
@@ -19,28 +19,28 @@ from services.cloud.surfaces import Faces, fit_faces
 Numbers = NDArray[Any]
 
 PIXELS: Final = 128
-"""So many pixels at most say how far its faces go, and as many where the middle is of what has no reading."""
+"""Pixels sampled, at most, for the extent of its faces, and as many for the centre of the part without readings."""
 
 NEAR: Final = 4
-"""Pixels at its edge that are so many pixels from a reading say nothing: they may be of a face that none is of."""
+"""Edge pixels this far from a reading are ignored: they may belong to a face without any."""
 
 STRAY: Final = 0.03
 """Share of the pixels at its edge that may lie beyond a side of its box."""
 
 STRAY_PIXELS: Final = 1.0
-"""How far off a mask's edge may be, in pixels: the smallest box that explains it so is the object's."""
+"""Error of a mask's edge, in pixels: the smallest box that explains the mask within it is the object's."""
 
 EXACT_M: Final = 0.007
-"""Readings of less noise say themselves how large an object is."""
+"""Readings with less noise determine the object's size by themselves."""
 
 MOST_NOISE: Final = 0.002
-"""Noise of inverse depth, per metre; more than that is a shape that is no box's."""
+"""Noise of inverse depth, per metre; beyond it, the shape is not a box."""
 
 BEYOND: Final = 0.25
-"""What has no reading is at most so much of an object's width behind what has one."""
+"""Pixels without a reading are at most this share of an object's width behind those with one."""
 
 ASIDE: Final = 0.95
-"""How near, of the nearest of them, its faces may come."""
+"""Minimum distance of its faces, relative to the nearest readings."""
 
 _AROUND: Final = np.ones((2 * NEAR + 1, 2 * NEAR + 1), np.uint8)
 
@@ -60,7 +60,7 @@ def shapes(objects: Sequence[Seen], level: Level) -> tuple[Numbers, Boxes]:
 
 
 def _unread_and_edge(seen: Seen) -> tuple[Indices, Indices]:
-    """Return the pixels of the mask that have no reading, and those at its edge that are near one."""
+    """Return the pixels of the mask without a reading, and its edge pixels that are near a reading."""
     window = seen.mask
     across = np.zeros((window.pixels.shape[0], seen.width), np.bool_)
     across.reshape(-1)[seen.at - window.top * seen.width] = True
@@ -74,7 +74,7 @@ def _unread_and_edge(seen: Seen) -> tuple[Indices, Indices]:
 
 
 def _pixels(objects: Sequence[Seen], chosen: Sequence[Indices]) -> NDArray[np.intp]:
-    """Return ones, columns and rows of some of each object's chosen pixels, (n, 3, PIXELS); of none the first pixel."""
+    """Return ones, columns and rows of a sample of each object's chosen pixels, (n, 3, PIXELS); of none the first."""
     counts = np.array([len(at) for at in chosen])
     flat = np.zeros((len(chosen), PIXELS), np.intp)
     flat[counts > 0] = np.concatenate(chosen).take(spread(counts[counts > 0], PIXELS))
@@ -83,7 +83,7 @@ def _pixels(objects: Sequence[Seen], chosen: Sequence[Indices]) -> NDArray[np.in
 
 
 def _placed(pixels: NDArray[np.intp], faces: Faces, cells: Cells, off: float = 0.0) -> Numbers:
-    """Return where on their objects' faces pixels (n, 3, m) are: (n, 3, m), along the level axes.
+    """Return the positions of pixels (n, 3, m) on their objects' faces: (n, 3, m), along the level axes.
 
     off: they may be off by so many pixels, and those that then are on a nearer face are on that.
     """
@@ -96,9 +96,9 @@ def _placed(pixels: NDArray[np.intp], faces: Faces, cells: Cells, off: float = 0
 
 
 def _extents(edges: NDArray[np.intp], faces: Faces, cells: Cells) -> tuple[Numbers, Numbers]:
-    """Return how far objects go along their sides, the least and the greatest places, (n, 3).
+    """Return the extent of objects along their sides, minimum and maximum (n, 3).
 
-    edges: pixels (n, 3, m). What is seen nearly from aside goes as far as it must.
+    edges: pixels (n, 3, m). Faces seen almost edge-on extend as far as necessary.
     """
     cos, sin = np.cos(faces.along)[:, np.newaxis], np.sin(faces.along)[:, np.newaxis]
     x, y, _ = _placed(edges, faces, cells, STRAY_PIXELS).transpose(1, 0, 2)
@@ -114,7 +114,7 @@ def _is_exact(cells: Cells, faces: Faces) -> NDArray[np.bool_]:
 
 
 def _middles(objects: Sequence[Seen], added: Numbers, unread: Sequence[int]) -> Numbers:
-    """Return the middles (n, 3) of readings and of so many pixels without one, whose own middles are `added`."""
+    """Return the centres (n, 3) of readings and this many pixels without one, whose own centres are `added`."""
     totals = np.array([seen.xyz.sum(axis=1) for seen in objects], np.float64)
     counts = np.array([(len(seen.at), lost) for seen, lost in zip(objects, unread, strict=True)])
     return np.asarray((totals + added * counts[:, 1:]) / counts.sum(axis=1, keepdims=True))

@@ -1,4 +1,4 @@
-"""Detections that wait for the points of their instant, and for the transforms of theirs. Pure."""
+"""Joins detections with the points of their instant and the transforms of both. Pure."""
 
 from collections import deque
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ FAILED: Final = "failed"
 
 
 POINTS_WAIT_S: Final = 0.3
-"""How long detections wait for what belongs to them: longer than a lidar takes to turn, shorter than news is old."""
+"""Seconds that detections wait for points and transforms: more than a lidar's turn, less than news stays fresh."""
 
 NO_STAMP: Final = "the image has no stamp"
 POINTS: Final = "points"
@@ -40,7 +40,7 @@ MAX_WAITING: Final = 16
 
 @dataclass(frozen=True, slots=True)
 class Matched:
-    """Detections with the points of their instant, or why there are none. waited_s: how long they waited for them."""
+    """Detections with the points of their instant, or why there are none. waited_s: waiting time for them."""
 
     detections: Detections
     cloud: PointCloud | None
@@ -49,7 +49,7 @@ class Matched:
 
 
 class CloudJoiner:
-    """Joins one camera's detections with its points; the newest that can be joined count.
+    """Joins one camera's detections with its points; only the newest complete ones count.
 
     target: the frame that transforms are waited for to. tolerance_ns, budget: see `Joiner`. Time is any steady clock's,
     in seconds.
@@ -68,11 +68,11 @@ class CloudJoiner:
 
     @property
     def until_s(self) -> float | None:
-        """When the detections that wait longest have waited enough; None while none do."""
+        """Deadline of the oldest waiting detections; None if none are waiting."""
         return self._waiting[0][1] + POINTS_WAIT_S if self._waiting else None
 
     def detections(self, found: Detections, now_s: float) -> None:
-        """Take detections that are newer than the last; of two workers at a take-over one may be behind the other."""
+        """Add detections newer than the last; at a take-over one of two workers may lag behind."""
         if not is_newer(found.header, self._newest):
             self._account.dropped[DOUBLE] += 1
             return
@@ -82,7 +82,7 @@ class CloudJoiner:
         self._newest = found.header
 
     def points(self, cloud: PointCloud) -> None:
-        """Take points; they are kept for the detections of their instant, of which they have none without a stamp."""
+        """Add points; they are kept for the detections of their instant. Those without a stamp have none."""
         if not cloud.header.stamp_ns:
             self._account.dropped[UNSTAMPED] += 1
             return
@@ -90,12 +90,12 @@ class CloudJoiner:
         self._count()
 
     def transforms(self, sent: Transforms, *, static: bool) -> None:
-        """Take transforms of the robot."""
+        """Add transforms of the robot."""
         self.tree.take(sent, static=static)
         self._count()
 
     def take(self, now_s: float) -> Matched | None:
-        """Return the newest detections that what belongs to them is there for, or that have waited long enough.
+        """Return the newest detections that are complete, or whose waiting time has ended.
 
         Those that waited before them are dropped.
         """
@@ -109,7 +109,7 @@ class CloudJoiner:
         return None
 
     def end(self) -> int:
-        """Forget everything that is of an instant; return how many detections waited."""
+        """Forget everything that belongs to an instant; return the number of detections that waited."""
         self._count()
         waited = len(self._waiting)
         self._waiting.clear()
@@ -143,7 +143,7 @@ class CloudJoiner:
         return None
 
     def _is_placed(self, picture: Header, points: Header) -> bool:
-        """Return whether no transform is still to come."""
+        """Return whether no transform can still arrive."""
         if any(self._is_open(to, points) for to in {self._target, picture.frame_id} - {"", points.frame_id}):
             return False
         if picture.stamp_ns == points.stamp_ns:

@@ -1,4 +1,4 @@
-"""One camera at a worker: its publishers, and its frames on their way to the model while somebody wants results."""
+"""Results and frames of one camera at a worker, published and queued while there is demand."""
 
 import asyncio
 import logging
@@ -29,7 +29,7 @@ from services.worker.rate_limiter import RateLimiter
 
 @dataclass(frozen=True, slots=True)
 class CameraOutputs:
-    """A camera's results and the demand for them. detections: None where class lists are all that is made."""
+    """Publishers of one camera's results, and the demand for them. detections: None if only class lists are made."""
 
     key: CameraKey
     account: FrameCounts
@@ -40,12 +40,12 @@ class CameraOutputs:
 
     @property
     def wants_masks(self) -> bool:
-        """Whether somebody has a use for masks."""
+        """Whether masks are wanted."""
         return self._wants_detections or self.overlays.wants_masks
 
     @property
     def wants_tracks(self) -> bool:
-        """Whether somebody has a use for the numbers of tracks."""
+        """Whether track numbers are wanted."""
         return self._wants_detections or self.overlays.wanted
 
     @property
@@ -53,12 +53,12 @@ class CameraOutputs:
         return self.detections is not None and self.detections.wanted
 
     def publish_classes(self, found: Detections) -> None:
-        """Publish the list of classes if somebody wants it."""
+        """Publish the class list if it is wanted."""
         if self.classes.wanted:
             self.classes.put(codec.encode(class_list(found)))
 
     def publish_objects(self, found: Detections, frame: ImageFrame) -> None:
-        """Publish what somebody wants of the objects; the overlays follow when they are drawn."""
+        """Publish the results that are wanted; overlays follow once drawn."""
         if self.detections is not None and self.detections.wanted:
             self.detections.put(codec.encode(found))
         self.overlays.offer(found, frame)
@@ -74,7 +74,7 @@ async def serving(
     segments: bool = True,
     painters: Executor | None = None,
 ) -> AsyncIterator[CameraOutputs]:
-    """Declare a camera's result streams for as long as the context lasts.
+    """Declare a camera's result streams while the context lasts.
 
     role: says which there are. segments: whether there are masks to draw. painters: see `drawing`.
     """
@@ -107,7 +107,7 @@ BUCKET_NS: Final = 2_000_000_000
 
 
 class Lateness:
-    """Follows one sender: a frame is as late as it took longer, by the two clocks, than the quickest one lately."""
+    """Estimates how late a sender's frames are, relative to the quickest recent frame by both clocks."""
 
     def __init__(self) -> None:
         self._since_ns = 0
@@ -115,7 +115,7 @@ class Lateness:
         self._before_ns: int | None = None
 
     def late_ns(self, sent_ns: int, received_ns: int) -> int:
-        """Return by how much a frame is late that was sent at a time of their clock and received at one of ours."""
+        """Return the delay of a frame, given its send time by the sender's clock and its arrival time by ours."""
         took_ns = received_ns - sent_ns
         if self._quickest_ns is None:
             self._since_ns, self._quickest_ns = received_ns, took_ns
@@ -131,10 +131,10 @@ log = logging.getLogger(__name__)
 async def feed(
     bus: Bus, camera: CameraOutputs, board: FrameQueue, asked: RateRequest, *, worker: str, role: WorkerRole
 ) -> None:
-    """Put the camera's newest frame on the board whenever its results are wanted, for ever.
+    """Put the camera's newest frame on the queue while its results are wanted; runs until cancelled.
 
-    asked: how many frames its gateway is asked for; who gives a second opinion spares the others, which come if others
-    ask for them. worker, role: under whose name the gateway is told where they go.
+    asked: the rate requested from the camera's gateway; an opinion worker skips further frames, which others may have
+    requested. worker, role: the name under which the gateway lists this consumer.
     """
     color, consumer = StreamKey(camera.key, Stream.COLOR), role.consumer(worker)
 
@@ -167,7 +167,7 @@ async def feed(
 def accept(
     camera: CameraOutputs, board: FrameQueue, sample: Sample, lateness: Lateness, passes: Callable[[int], bool]
 ) -> None:
-    """Put a frame on the board, or count why not. passes: says of one that arrived then whether it is looked at."""
+    """Put a frame on the queue, or count why it was dropped. passes: whether a frame of this arrival time is used."""
     try:
         frame = codec.decode(ImageFrame, sample.payload, sample.encoding)
         codec.check_identity(frame.header, camera.key)

@@ -1,4 +1,4 @@
-"""What became of one camera's frames. Pure."""
+"""Counts of one camera's frames by outcome. Pure."""
 
 from typing import Final
 
@@ -17,11 +17,11 @@ DEPTH: Final = "a depth image, not a picture"
 SPARED: Final = "more than a second opinion asked for"
 
 TOO_MANY: Final = (REPLACED, STALE)
-"""Reasons that say that frames came faster than they could be looked at."""
+"""Reasons for frames that came faster than they could be processed."""
 
 
 class FrameCounts(Tally):
-    """Counts every frame of a camera once: done, or dropped for a reason.
+    """Counts every frame of a camera once, as done or dropped with a reason.
 
     unread: why those are dropped that a newer one replaced before they were read.
     """
@@ -32,11 +32,11 @@ class FrameCounts(Tally):
         self._last: Header | None = None
 
     def begin(self) -> None:
-        """Start anew after a pause: the frames of the pause were never meant for us."""
+        """Restart after a pause; frames sent during the pause are not counted as missing."""
         self._last = None
 
     def arrived(self, header: Header, replaced: int) -> bool:
-        """Note a frame, and that the queue replaced `replaced` others before it; the rest of a gap is missing.
+        """Count a frame and the `replaced` queued frames before it; the rest of the gap is missing.
 
         Returns:
             False for the same frame again, which is counted as dropped.
@@ -50,12 +50,12 @@ class FrameCounts(Tally):
         return header.seq != last.seq
 
     def malformed(self, replaced: int) -> None:
-        """Note a frame that says not even its number, so the gap around it says nothing either."""
+        """Count a frame without a number; the gap around it is not counted."""
         self.dropped[self._unread] += replaced
         self.dropped[MALFORMED] += 1
         self.begin()
 
     @property
     def too_many(self) -> int:
-        """How many frames were dropped because there were too many."""
+        """Number of frames dropped because they came faster than they could be processed."""
         return sum(self.dropped[reason] for reason in TOO_MANY)

@@ -1,4 +1,4 @@
-"""From the board through the model: batches of different cameras' newest frames, several under way at once.
+"""Runs queued frames through the model in batches of different cameras, several batches in flight at once.
 
 Lists of classes are published as soon as the model has answered; objects are followed first.
 """
@@ -23,16 +23,16 @@ from services.detector.tracking.tracks import Tracking
 from services.detector.watchdog import watch
 
 BATCH_WAIT_S: Final = 0.005
-"""How long a batch waits for more cameras' frames."""
+"""Seconds that a batch waits for more cameras' frames."""
 
 DEADLINE_SLACK_S: Final = 0.03
-"""How much longer than one call a frame may wait for its turn."""
+"""Seconds beyond one call that a frame may wait for its turn."""
 
 LEAST_AGE_S: Final = 0.08
-"""How old a frame may be at least, however quick the model is: links have their ups and downs."""
+"""Lower bound of the maximum age, however fast the model is: link delays vary."""
 
 NETWORK_GRACE_S: Final = 2.0
-"""How late a frame may come while the model keeps up: on a poor link none comes sooner for leaving out what is late."""
+"""Excused link delay while the model keeps up: on a poor link, dropping late frames makes none arrive sooner."""
 
 WEIGHT_OF_NEWEST: Final = 0.1
 
@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class SentFrame:
-    """A frame on its way through the model, and how long it had waited by then. settled: set once that is over."""
+    """A frame in the model, and its waiting time before. settled: set once the frame is done."""
 
     camera: CameraOutputs
     queue_ns: int
@@ -50,7 +50,7 @@ class SentFrame:
 
 
 class Inference:
-    """Takes frames from the board while there is room in the model, and publishes what comes out, in that order.
+    """Takes frames from the queue while the model has room, and publishes the results in the same order.
 
     tracking: follows objects while somebody wants their tracks. cameras: those looked after now. max_age_s: how old a
         frame may be when its turn comes, None for as long as one call takes and SPARE_S, at least LEAST_AGE_S, and as
@@ -91,7 +91,7 @@ class Inference:
         self._done = 0
 
     async def run(self) -> None:
-        """Work for ever.
+        """Run until cancelled.
 
         Raises:
             ModelError: the model is of no more use, or does not answer any more. In a group.
@@ -103,16 +103,16 @@ class Inference:
                 group.create_task(watch(self._model.name, lambda: self._done if self._calls else None))
                 await self._take(group)
         finally:
-            for settled in self._last.values():  # nothing more comes of what is under way
+            for settled in self._last.values():  # frames in flight will not be published
                 settled.set()
 
     async def settled(self, key: CameraKey) -> None:
-        """Wait until what is under way of a camera is published, or will never be."""
+        """Wait until the camera's frames in flight are published or dropped."""
         if key in self._last:
             await self._last[key].wait()
 
     def totals(self) -> Totals:
-        """Return what became of all frames so far."""
+        """Return the counts of all frames so far."""
         lost = sum(account.too_many for account in self._accounts.values())
         running_s = time.monotonic() - self._busy_since_s if self._at_work else 0.0
         return Totals(self._done, lost, self._busy_s + running_s)
@@ -131,14 +131,14 @@ class Inference:
         await self._board.filled(min(self._model.max_batch, wished), BATCH_WAIT_S)
         now_ns = time.time_ns()
         limit_ns, excused_ns = self._limits_ns()
-        for reason, excused in ((STALE, now_ns), (LATE, excused_ns)):  # what waited here first, whatever its link did
+        for reason, excused in ((STALE, now_ns), (LATE, excused_ns)):  # first those too old by the wait here alone
             for key in self._board.expire(now_ns, limit_ns, excused):
                 self._accounts[key].dropped[reason] += 1
         frames = (self._sent_frame(key, waiting, now_ns) for key, waiting in self._board.take(self._model.max_batch))
         return [frame for frame in frames if frame is not None]
 
     def _limits_ns(self) -> tuple[int, int]:
-        """Return how old a frame may be, and how much of how late it came does not count to that."""
+        """Return the maximum age of a frame, and the part of its link delay that does not count."""
         if self._max_age_s is not None:
             return round(self._max_age_s * 1e9), 0
         limit_s = max(self._call_s + DEADLINE_SLACK_S, LEAST_AGE_S)
@@ -165,7 +165,7 @@ class Inference:
 
     @contextmanager
     def _busy(self) -> Iterator[None]:
-        """Count this time as spent on frames, once however much goes on at the same time."""
+        """Count the elapsed time as spent on frames, once even when several batches overlap."""
         if not self._at_work:
             self._busy_since_s = time.monotonic()
         self._at_work += 1
@@ -185,7 +185,7 @@ class Inference:
                 if found is not None:
                     sent.camera.publish_classes(self._detections(sent, found))
             self._room.release()
-            with self._busy():  # while objects before these are still followed there is no time for more frames
+            with self._busy():  # busy while earlier objects are still being tracked
                 await self._seen.put(seen)
 
     async def _publish_objects(self) -> None:
@@ -204,7 +204,7 @@ class Inference:
         self._on_result(sent.camera.key)
 
     def _counted(self, sent: SentFrame, outcome: Outcome) -> DetectedObjects | None:
-        """Count a frame, and return what was found in it."""
+        """Count a frame and return its detections."""
         account, header = sent.camera.account, sent.request.frame.header
         self._done += 1
         if isinstance(outcome, DetectedObjects):

@@ -1,4 +1,4 @@
-"""What a worker asks of a model, whichever library runs it."""
+"""The interface of a model to a worker, independent of the library that runs it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,19 +11,19 @@ from schemas.keys import CameraKey
 from schemas.tuning import Tuning
 
 SILENT: Final = "overlay/segmentation, distances and objects are silent"
-"""How a remark ends that says of a model that it has no masks."""
+"""The end of a remark that says that a model has no masks."""
 
 
 class ModelError(Exception):
-    """A model that cannot be used, or no longer; the message says which and why."""
+    """The model cannot be used, or stopped working; the message says which model and why."""
 
 
 class TuningError(Exception):
-    """A tuning that the model cannot follow; the message says why."""
+    """The model cannot follow this tuning; the message says why."""
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of what an error says, with its kind where that is a key or a number and no words."""
+    """Return the first line of an error's text, with the error type if the text is only a key or a number."""
     kind = type(error).__name__
     line = next((line.strip() for line in str(error).splitlines() if line.strip()), kind)
     return line if " " in line or line == kind else f"{kind}: {line}"
@@ -31,7 +31,7 @@ def first_line(error: Exception) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One image to look at. masks: whether anybody has a use for them."""
+    """One image to process. masks: whether masks are wanted."""
 
     camera: CameraKey
     frame: ImageFrame
@@ -46,7 +46,7 @@ class DetectedObjects:
     spans: Spans = field(default_factory=dict)
 
     def detections(self, frame: ImageFrame, *, model: str, worker: str, **before: int) -> Detections:
-        """Return them as a message about a frame. before: nanoseconds of stages before the model's."""
+        """Return the objects as a message about a frame. before: nanoseconds of the stages before the model's."""
         return Detections(
             header=frame.header,
             height=frame.height,
@@ -60,7 +60,7 @@ class DetectedObjects:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """An image that nothing can be said about. reason: one of `services.detector.frame_counts`."""
+    """An image that could not be processed. reason: one of `services.detector.frame_counts`."""
 
     reason: str
     error: Exception
@@ -74,44 +74,44 @@ class Model(Protocol):
 
     @property
     def name(self) -> str:
-        """What results say they come from; at most MAX_LABEL characters."""
+        """Name of the model in results; at most MAX_LABEL characters."""
 
     @property
     def max_batch(self) -> int:
-        """Most images that are worth one call; at least 1."""
+        """Largest useful batch; at least 1."""
 
     @property
     def in_flight(self) -> int:
-        """How many calls should be under way at once, so that one is prepared while another computes; at least 1."""
+        """Number of calls to keep in flight, so that one is prepared while another computes; at least 1."""
 
     @property
     def segments(self) -> bool:
-        """Whether it finds masks at all."""
+        """Whether the model finds masks."""
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What whoever waits for results should know, each in a line: which results there cannot be, and why."""
+        """Remarks for users, one line each: which results are unavailable, and why."""
 
     @property
     def tuning(self) -> Tuning:
-        """What counts as a detection now."""
+        """The current detection criteria."""
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """Names of the classes that are reported now when they are in view."""
+        """Names of the classes that are currently reported."""
 
     def tune(self, tuning: Tuning) -> None:
-        """Count by another tuning from the next image on; what it leaves open stays as it is.
+        """Apply another tuning from the next image on; fields that are None stay as they are.
 
         Raises:
             TuningError: it names a class that the model does not know.
         """
 
     def close(self) -> None:
-        """Compute nothing more; what is under way is not waited for."""
+        """Stop computing, without waiting for calls in flight."""
 
     async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
-        """Return what is in each image, in the same order. Calls end in the order in which they began.
+        """Return the objects of each image, in the same order. Calls finish in the order in which they began.
 
         A bad image fails alone. Masks come with the objects of the images they were asked for, if the model has them.
 

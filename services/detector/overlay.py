@@ -1,4 +1,4 @@
-"""What a model found, drawn over the image it found it in. Pure."""
+"""Draws a model's detections over the image they were found in. Pure."""
 
 import colorsys
 from collections.abc import Iterable, Iterator, Sequence
@@ -26,7 +26,7 @@ OPACITY: Final = 0.45
 MAX_COLORS: Final = 256
 FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
 SMALLEST_TEXT: Final = 0.4
-"""Of OpenCV's font, whose capitals are about 22 pixels high at 1: less than 9 pixels nobody reads."""
+"""Minimum scale of OpenCV's font, whose capitals are about 22 pixels high at 1: below 9 pixels it is illegible."""
 GOLDEN: Final = 0.618034
 """Steps of it around the colour circle keep any number of classes apart."""
 BLACK: Final = (0, 0, 0)
@@ -35,7 +35,7 @@ BRIGHT: Final = 140.0
 
 
 def overlays(found: Detections, frame: ImageFrame, masks: Iterable[bool]) -> Iterator[ImageFrame]:
-    """Return the frame as JPEGs with boxes, names and scores, one for each of `masks`, which tell whether with masks.
+    """Return the frame as one JPEG per item of `masks` (draw masks or not), with boxes, names and scores.
 
     Each is made when it is asked for, and what they share once. Their headers are the frame's.
 
@@ -49,7 +49,7 @@ def overlays(found: Detections, frame: ImageFrame, masks: Iterable[bool]) -> Ite
 
 
 def jpeg_of(drawn: Picture) -> bytes:
-    """Return a BGR picture as a JPEG file."""
+    """Encode a BGR image as a JPEG file."""
     data: bytes = simplejpeg.encode_jpeg(drawn, quality=QUALITY, colorspace="BGR", colorsubsampling="420")
     return data
 
@@ -68,7 +68,7 @@ def _frame(header: Header, drawn: Picture) -> ImageFrame:
 
 
 def drawings(picture: Picture, objects: Sequence[Detection], masks: Iterable[bool]) -> Iterator[Picture]:
-    """Return a copy of a BGR picture with the objects drawn over it, the surest on top, for each of `masks`.
+    """Return a copy of a BGR image per item of `masks`, with the objects drawn over it, the highest score on top.
 
     Each is made when it is asked for, and what they share once.
 
@@ -90,7 +90,7 @@ def drawings(picture: Picture, objects: Sequence[Detection], masks: Iterable[boo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sign:
-    """An object's box, and its caption as a picture. line: width in pixels."""
+    """An object's box and its rendered caption. line: width in pixels."""
 
     found: Detection
     color: Color
@@ -108,7 +108,7 @@ class _Sign:
         cv2.rectangle(drawn, (left, top), (right, bottom), self.color, self.line)
 
     def write(self, drawn: Picture) -> None:
-        """Draw the caption at the box, inside the picture whatever the box."""
+        """Draw the caption at the box, always inside the image."""
         (height, width), (high, wide) = drawn.shape[:2], self.caption.shape[:2]
         left, top, _, _ = self._corners(height, width)
         left = max(0, min(left, width - wide + 1))
@@ -129,7 +129,7 @@ def color_of(label: int) -> Color:
 
 
 def _tint(drawn: Picture, objects: Sequence[Detection]) -> None:
-    """Lay each object's mask over what is under it, one after the other.
+    """Blend each object's mask into the image, in turn.
 
     Raises:
         MaskError: a mask is damaged.
@@ -146,13 +146,13 @@ def _tint(drawn: Picture, objects: Sequence[Detection]) -> None:
 
 @lru_cache(MAX_COLORS)
 def _tints(color: Color) -> Picture:
-    """Return what becomes of each of the 256 values of each channel under a colour."""
+    """Return the lookup table (256 values per channel) that blends with a colour."""
     values = np.arange(256, dtype=np.uint8)[:, None] * (1 - OPACITY)
     return (values + np.array(color, np.float32) * OPACITY).astype(np.uint8)[None]
 
 
 def _written(text: str, color: Color, line: int) -> Picture:
-    """Return a text on a ground of a class's colour."""
+    """Return a rendered text on a background of the class's colour."""
     scale = max(SMALLEST_TEXT, line * 0.22)
     (wide, high), below = cv2.getTextSize(text, FONT, scale, line)
     ground = np.full((high + below + 3, wide + 5, 3), color, np.uint8)
@@ -161,6 +161,6 @@ def _written(text: str, color: Color, line: int) -> Picture:
 
 
 def caption(found: Detection) -> str:
-    """Return what is written at an object: name, score, and its number while it is tracked."""
+    """Return the caption of an object: name, score, and track number if it is tracked."""
     number = "" if found.track is None else f" #{found.track & ((1 << TRACK_COUNT_BITS) - 1)}"
     return f"{found.name} {found.score:.2f}{number}"

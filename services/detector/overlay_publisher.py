@@ -1,4 +1,4 @@
-"""Overlays on their way out: drawn in a thread, while somebody looks, and the newest only."""
+"""Publishes overlays: drawn in a thread, only while there are subscribers, and only the newest."""
 
 import asyncio
 import logging
@@ -17,7 +17,7 @@ from services.detector.overlay import overlays
 log = logging.getLogger(__name__)
 
 MASKS: Final = {Stream.OVERLAY_DETECTION: False, Stream.OVERLAY_SEGMENTATION: True}
-"""The overlays that there can be, in the order they are drawn in, and whether they show masks."""
+"""All overlays, in drawing order, and whether they show masks."""
 
 
 class Overlays:
@@ -33,23 +33,23 @@ class Overlays:
 
     @property
     def wanted(self) -> bool:
-        """Whether somebody looks at any."""
+        """Whether any overlay has a subscriber."""
         return any(publisher.wanted for publisher in self._publishers.values())
 
     @property
     def wants_masks(self) -> bool:
-        """Whether somebody looks at one that shows masks."""
+        """Whether an overlay with masks has a subscriber."""
         return any(publisher.wanted and MASKS[stream] for stream, publisher in self._publishers.items())
 
     def offer(self, found: Detections, frame: ImageFrame) -> None:
-        """Have this drawn next if somebody looks; what still waits for it is left out."""
+        """Queue a frame for drawing if there are subscribers; it replaces a queued one."""
         if self.wanted:
             self._waiting = (found, frame)
             self._offered.set()
             self._idle.clear()
 
     async def drawn(self) -> None:
-        """Wait until all that was offered is published or left out."""
+        """Wait until every offered frame is published or dropped."""
         await self._idle.wait()
 
     async def run(self) -> None:
@@ -78,7 +78,7 @@ class Overlays:
 
 @asynccontextmanager
 async def drawing(publishers: Mapping[Stream, Publisher], painters: Executor | None = None) -> AsyncIterator[Overlays]:
-    """Draw what is offered for as long as the context lasts.
+    """Draw offered frames while the context lasts.
 
     publishers: of the overlays that there can be, in the order they are drawn in. painters: see `Overlays`; the loop's
     own unless given.

@@ -1,4 +1,4 @@
-"""Two models on the same images: one for boxes, one for the masks of what the first found."""
+"""Pairs two models on the same images: one finds boxes, the other the masks of these objects."""
 
 import asyncio
 import logging
@@ -19,11 +19,11 @@ from services.detector.runtime.overlap import boxes_of, ious
 log = logging.getLogger(__name__)
 
 MIN_OVERLAP: Final = 0.5
-"""Of the two models' boxes, for one's mask to be the other's object's."""
+"""Minimum overlap of the two models' boxes for one to lend the other its mask."""
 
 
 class PairedModel:
-    """Objects are the first model's; each has the mask of the second's best object of that name in the same place.
+    """Takes the first model's objects, each with the mask of the second's best overlapping object of the same name.
 
     The second is asked only for images whose masks somebody wants. Settings hold for both; classes must be known to
     both.
@@ -44,7 +44,8 @@ class PairedModel:
     @property
     def remarks(self) -> tuple[str, ...]:
         """See `Model.remarks`."""
-        of_boxes = (remark for remark in self._boxes.remarks if not remark.endswith(SILENT))  # masks are the other's
+        # the other model makes the masks
+        of_boxes = (remark for remark in self._boxes.remarks if not remark.endswith(SILENT))
         return (*of_boxes, *self._masks.remarks)
 
     @property
@@ -99,7 +100,7 @@ def _joined(request: Request, boxes: Outcome, masks: Outcome) -> Outcome:
 
 
 def joined(boxes: DetectedObjects, masks: DetectedObjects) -> DetectedObjects:
-    """Give one model's objects, best first, the other's masks, each to one of them."""
+    """Assign the other model's masks to one model's objects, best first, each mask once."""
     fits = _fits(boxes.objects, masks.objects)
     objects = list(boxes.objects)
     for n, fit in enumerate(fits if masks.objects else ()):
@@ -112,7 +113,7 @@ def joined(boxes: DetectedObjects, masks: DetectedObjects) -> DetectedObjects:
 
 
 def _fits(some: Sequence[Detection], others: Sequence[Detection]) -> NDArray[np.float64]:
-    """Return some x others: how well the boxes of two objects of one name lie on each other, 0 to 1; else 0."""
+    """Return the overlap (some x others, 0 to 1) of boxes of objects of the same name; 0 where names differ."""
     _, names = np.unique([each.name for each in (*some, *others)], return_inverse=True)
     same = np.equal.outer(names[: len(some)], names[len(some) :])
     return np.where(same, ious(boxes_of(some), boxes_of(others)), 0)

@@ -1,4 +1,4 @@
-"""ROS image encodings to the arrays that models expect. Pure."""
+"""Converts ROS image encodings to the arrays that models expect. Pure."""
 
 from io import BytesIO
 from typing import Any, Final
@@ -32,20 +32,20 @@ _TO_BGR: Final = {
 _SIXTEEN_BITS: Final = frozenset({"mono16", *(f"bayer_{pattern}16" for pattern in BAYER_PATTERNS)})
 _COLOURS: Final = frozenset({"rgb8", "rgba8"})
 _DAMAGE: Final = ("remature end", "bad Huffman code", "bad arithmetic code", "instead of RST")
-"""Of what libjpeg says, what no whole file causes. Some cameras always write files that it warns of otherwise."""
+"""libjpeg's warnings that no intact file causes. Some cameras always write files that it warns about otherwise."""
 
 
 class PictureError(ValueError):
-    """A compressed picture whose data is damaged."""
+    """The data of a compressed image is damaged."""
 
 
 def shows_colours(frame: ImageFrame) -> bool:
-    """Return whether the frame is a picture, in colour or grey, and no depth image."""
+    """Return whether the frame is a colour or grey image, not a depth image."""
     return frame.encoding not in DEPTH_ENCODINGS
 
 
 def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
-    """Return the pixels of a picture as a contiguous height x width x 3 array in blue, green, red order.
+    """Return an image as a contiguous height x width x 3 array in blue, green, red order.
 
     BGR is what Ultralytics expects of numpy input (docs.ultralytics.com/modes/predict). 16 bits are scaled to 8.
 
@@ -64,7 +64,7 @@ def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
 
 
 def glance(frame: ImageFrame, width: int) -> NDArray[np.uint8]:
-    """Return a picture in grey, no wider than `width` pixels, as height x width; see `to_bgr`."""
+    """Return an image in grey, no wider than `width` pixels, as height x width; see `to_bgr`."""
     if frame.format == JPEG and frame.encoding in _COLOURS:
         return _shrunk(_jpeg(frame, "GRAY", min_width=min(width, frame.width)), width)
     return np.asarray(cv2.cvtColor(_shrunk(to_bgr(frame), width), cv2.COLOR_BGR2GRAY), np.uint8)
@@ -99,7 +99,7 @@ def _raw(frame: ImageFrame) -> NDArray[Any]:
 
 
 def _decoded(frame: ImageFrame) -> NDArray[Any]:
-    """Return a file's pixels: colours in blue, green, red order, anything else as it is."""
+    """Return the pixels of a file: colours in blue, green, red order, anything else unchanged."""
     in_colour = frame.encoding in _COLOURS
     pixels = _jpeg(frame, "BGR" if in_colour else "GRAY") if frame.format == JPEG else _png(frame, in_colour=in_colour)
     if pixels.shape[:2] != (frame.height, frame.width):
@@ -108,7 +108,7 @@ def _decoded(frame: ImageFrame) -> NDArray[Any]:
 
 
 def _jpeg(frame: ImageFrame, colours: str, *, min_width: int = 0) -> NDArray[np.uint8]:
-    """Return a JPEG file's pixels, height x width x channels, as it lies, whatever it says of up and down.
+    """Return a JPEG file's pixels, height x width x channels, ignoring its EXIF orientation.
 
     min_width: pixels that are enough: a smaller picture is less work. 0 for all there are.
     """
@@ -121,7 +121,7 @@ def _jpeg(frame: ImageFrame, colours: str, *, min_width: int = 0) -> NDArray[np.
 
 
 def _odd_jpeg(frame: ImageFrame, *, in_colour: bool) -> NDArray[np.uint8]:
-    """Return the pixels of a file that libjpeg warns of: Pillow lets warnings pass, but no file that was cut off."""
+    """Return the pixels of a file that libjpeg warns about: Pillow ignores warnings, but rejects truncated files."""
     try:
         with Image.open(BytesIO(frame.data), formats=["JPEG"]) as picture:
             if in_colour:

@@ -1,4 +1,4 @@
-"""The detector process: load the model, join the bus, work."""
+"""The detector process: loads the model, joins the bus and works."""
 
 import asyncio
 import logging
@@ -36,11 +36,11 @@ from services.worker.worker import Worker
 PACE_PERIOD_S: Final = 0.25
 
 PAINTERS: Final = 2
-"""Threads that draw overlays, of however many cameras: each draws its newest frame when its turn comes."""
+"""Threads that draw the overlays of all cameras: each draws its newest frame in its turn."""
 
 
 class DetectorWorker:
-    """Serves the cameras that fall to it.
+    """Serves the cameras assigned to this worker.
 
     tokens: what it says of itself, under the service of its role. tracking, max_age_s: see `Inference`. leaving: hears
     when it leaves.
@@ -87,7 +87,7 @@ class DetectorWorker:
         )
 
     async def run(self) -> None:
-        """Work until cancelled; then hand over, publish what has begun, and end.
+        """Work until cancelled; then hand over, publish the results in flight, and end.
 
         Raises:
             ModelError: the model is of no more use.
@@ -118,7 +118,7 @@ class DetectorWorker:
             self._cameras.pop(key, None)
 
     async def _finish(self, camera: CameraOutputs) -> None:
-        """Wait until what has begun of a camera is published and drawn, or its time is over."""
+        """Wait until the camera's results in flight are published and drawn, or the deadline has passed."""
         until_s = self._leaving.until_s or asyncio.get_running_loop().time() + FINISH_S
         with suppress(TimeoutError):
             async with asyncio.timeout_at(until_s):
@@ -130,7 +130,7 @@ class DetectorWorker:
             self._took_over[key]()
 
     async def _keep_pace(self) -> None:
-        """Ask gateways for no more frames than can be used, for ever."""
+        """Ask gateways for no more frames than can be used, until cancelled."""
         shared_by: set[CameraKey] = set()
         while True:
             await asyncio.sleep(PACE_PERIOD_S)
@@ -141,7 +141,7 @@ class DetectorWorker:
             shared_by = wanted
 
     def _share_pace(self, cameras: Sequence[CameraKey]) -> None:
-        """Ask for the same rate of each camera, one after the other."""
+        """Request the same rate from each camera, one after the other."""
         limit, most = self._pace.limit_hz, self._role.most_hz
         for turn, key in enumerate(cameras):
             if limit is not None:
@@ -165,7 +165,7 @@ FAILED: Final = 1
 
 
 async def run(settings: DetectorSettings) -> int:
-    """Run a worker until cancelled; see `work`. It announces itself only once its model works.
+    """Run a worker until cancelled; see `work`. It announces itself only once its model is ready.
 
     Raises:
         ModelError: the model cannot be used.
@@ -186,7 +186,7 @@ async def run(settings: DetectorSettings) -> int:
 
 
 async def work(settings: DetectorSettings, model: Model) -> int:
-    """Serve with a model that works until cancelled; when it works no longer, log why and return the exit code."""
+    """Serve with a working model until cancelled; if the model fails, log why and return the exit code."""
     role = OPINION if settings.opinion else DETECTOR
     tokens, leaving = settings.tokens(role.service), Leaving()
     following = None if role.lists_only else tracking(settings, model)

@@ -1,4 +1,4 @@
-"""What a worker answers when it is asked: what is in an image, and what it counts as a detection."""
+"""Answers requests to a worker: detections in still images, and its tuning."""
 
 import asyncio
 import logging
@@ -22,17 +22,17 @@ from services.detector.worker_role import DETECTOR, WorkerRole
 from services.worker.thread import worker_thread
 
 FINISH_S: Final = 1.2
-"""How long what has begun may take to end once it is let go: less than whoever told the process to end may wait."""
+"""Seconds that work in progress may take at shutdown: less than a supervisor waits before it kills."""
 
 
 class Leaving:
-    """Whether a worker leaves. until_s: when it has to be done, by the loop's clock; None while it stays."""
+    """Tells whether a worker is shutting down. until_s: deadline by the loop's clock; None while it works."""
 
     def __init__(self) -> None:
         self.until_s: float | None = None
 
     def begin(self) -> None:
-        """Leave: begin nothing more."""
+        """Begin to shut down: accept nothing more."""
         if self.until_s is None:
             self.until_s = asyncio.get_running_loop().time() + FINISH_S
 
@@ -40,7 +40,7 @@ class Leaving:
 log = logging.getLogger(__name__)
 
 WAITING: Final = 2
-"""Images that may wait; whoever asks for one more is told that this worker is busy, and asks another."""
+"""Maximum number of queued images; further callers are told that this worker is busy, and ask another."""
 
 STILL: Final = CameraKey(ROBOT, "image")
 
@@ -49,7 +49,7 @@ STILL: Final = CameraKey(ROBOT, "image")
 async def answering(
     bus: Bus, model: Model, worker: str, role: WorkerRole = DETECTOR, leaving: Leaving | None = None
 ) -> AsyncIterator[None]:
-    """Answer requests for as long as the context lasts. role: says whether images are answered, too.
+    """Answer requests while the context lasts. role: whether images are answered, too.
 
     leaving: once the worker leaves, no image is taken in, and the end waits for one that was, as long as it may.
 
@@ -74,7 +74,7 @@ async def answering(
 
 
 class Stills:
-    """Answers what is in image files, which are decoded one at a time; see `answering`.
+    """Answers requests about image files, decoded one at a time; see `answering`.
 
     group: what the model does for it, which ends the group where the model is of no more use. asking: the call that it
     has not answered yet.
@@ -92,15 +92,15 @@ class Stills:
         self._idle.set()
 
     async def answer(self, asked: Asked) -> Reply:
-        """Return what is in an image file of any format. Called for one at a time.
+        """Return the objects in an image file of any supported format. Called for one file at a time.
 
         Raises:
             RefusedError: it is no image, failed in the model, or another worker is to be asked.
         """
         if self._leaving.until_s is not None:
-            raise RefusedError("busy: this worker leaves")
+            raise RefusedError("busy: this worker is shutting down")
         if self.asking is not None:
-            raise RefusedError("busy: an image is still being looked at whose caller waits no longer")
+            raise RefusedError("busy: still processing an image whose caller has given up")
         self._idle.clear()
         try:
             frame = await self._decoded(asked.payload)
@@ -110,23 +110,23 @@ class Stills:
         return Reply(codec.encode(found), codec.encoding(Detections))
 
     async def finish(self) -> None:
-        """Wait for the image that is looked at, as long as the worker that leaves may."""
+        """Wait for the image in progress until the worker's shutdown deadline."""
         if self._leaving.until_s is not None:
             with suppress(TimeoutError):
                 async with asyncio.timeout_at(self._leaving.until_s):
                     await self._idle.wait()
 
     def close(self) -> None:
-        """Wait for nothing more."""
+        """Cancel everything in progress."""
         if self._decoding is not None:
             self._decoding.cancel()
         if self.asking is not None:
             self.asking.cancel()
 
     async def _decoded(self, image: bytes) -> ImageFrame:
-        """Decode in the thread, which goes on when the caller waits no longer."""
+        """Decode in the thread, which continues even if the caller gives up."""
         if self._decoding is not None:
-            raise RefusedError("busy: an image is still being decoded whose caller waits no longer")
+            raise RefusedError("busy: still decoding an image whose caller has given up")
         self._decoding = asyncio.wrap_future(self._thread.submit(frame_of, image))
         self._decoding.add_done_callback(self._forget)
         try:
@@ -138,21 +138,21 @@ class Stills:
         self._decoding = None
 
     async def _looked_at(self, frame: ImageFrame) -> Outcome:
-        """Ask the model, which goes on when the caller waits no longer."""
+        """Run the model, which continues even if the caller gives up."""
         self.asking = self._group.create_task(_look(self._model, frame))
         self.asking.add_done_callback(self._answered)
         try:
             return await asyncio.shield(self.asking)
         except ModelError as error:
-            self._leaving.begin()  # so that the end waits until its caller was told
-            raise RefusedError(f"busy: this worker ends: {error}") from error
+            self._leaving.begin()  # so that the shutdown waits until the caller has its answer
+            raise RefusedError(f"busy: this worker is shutting down: {error}") from error
 
     def _answered(self, _: "asyncio.Task[Outcome]") -> None:
         self.asking = None
 
 
 async def detect(model: Model, worker: str, frame: ImageFrame) -> Detections:
-    """Return what is in a still image, masks and all.
+    """Return the objects in a still image, with masks.
 
     Raises:
         RefusedError: it failed in the model.
@@ -173,7 +173,7 @@ def _told(outcome: Outcome, frame: ImageFrame, model: Model, worker: str) -> Det
 
 
 def _tune(model: Model, asked: Asked) -> Reply:
-    """Change the settings that are given, and answer with all of them; without a payload nothing changes."""
+    """Change the given settings and answer with all of them; without a payload nothing changes."""
     try:
         if asked.payload:
             model.tune(codec.decode(Tuning, asked.payload, asked.encoding))

@@ -1,4 +1,4 @@
-"""Still images, of whatever format a person has, as frames. Pure."""
+"""Decodes still images of all supported formats to frames. Pure."""
 
 import io
 import warnings
@@ -14,7 +14,7 @@ from schemas.image import MAX_SIDE, ImageFrame
 ROBOT: Final = "still"
 FORMATS: Final = ("JPEG", "PNG", "WEBP", "BMP", "GIF", "TIFF", "PPM")
 MAX_PIXELS: Final = 64_000_000
-"""What is decoded at most: three bytes each."""
+"""The maximum number of pixels decoded: three bytes each."""
 MAX_SCANNED_PIXELS: Final = 30 * MAX_PIXELS
 """Component-pixels that all scans of a JPEG file go over. Of libjpeg's default progressive files, those of CMYK are the
 most work: 24 passes over one component."""
@@ -25,7 +25,7 @@ class StillError(ValueError):
 
 
 def frame_of(data: bytes) -> ImageFrame:
-    """Decode an image file, turned as it says that it should be seen.
+    """Decode an image file, rotated as its orientation tag says.
 
     Raises:
         StillError: it is none, is cut off, has more than MAX_PIXELS, or is made to take long to decode.
@@ -37,13 +37,13 @@ def frame_of(data: bytes) -> ImageFrame:
     except StillError:
         raise
     except (UnidentifiedImageError, ImportError) as error:  # Ultralytics makes Pillow look for a HEIF decoder
-        raise StillError(f"not an image of any format known here ({', '.join(FORMATS)})") from error
+        raise StillError(f"not an image in a supported format ({', '.join(FORMATS)})") from error
     except Exception as error:  # Pillow's readers raise whatever a damaged file leads them to
         raise StillError(f"an image that cannot be decoded: {error}") from error
 
 
 def _pixels(data: bytes) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
-    """Return height x width x RGB."""
+    """Return the image as height x width x RGB."""
     with Image.open(io.BytesIO(data), formats=FORMATS) as image:
         width, height = image.size
         if max(width, height) > MAX_SIDE or width * height > MAX_PIXELS:
@@ -56,9 +56,9 @@ def _pixels(data: bytes) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
 
 
 def _check_scans(image: Image.Image, data: bytes) -> None:
-    """Refuse what is made to take long to decode."""
+    """Refuse files that are crafted to decode slowly."""
     if image.format == "TIFF" and "jpeg" in str(image.info.get("compression")):
-        raise StillError("a TIFF file with JPEG files inside is not decoded here")
+        raise StillError("a TIFF file with JPEG compression is not supported; use another compression")
     if data.startswith(JPEG_START) and (work := scanned_pixels(data)) > MAX_SCANNED_PIXELS:
         raise StillError(
             f"a JPEG file whose scans go over {work} component-pixels, at most {MAX_SCANNED_PIXELS} are decoded"

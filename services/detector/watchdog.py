@@ -1,4 +1,4 @@
-"""Whether a model still answers."""
+"""Detects a model that no longer answers."""
 
 from asyncio import sleep
 from collections.abc import Callable
@@ -8,11 +8,11 @@ from services.detector.model import ModelError
 
 WATCH_S: Final = 1.0
 HUNG: Final = 60
-"""A model that has not answered when it was looked at so often never will; calls of new shapes may take seconds."""
+"""Checks after which an unanswered model counts as hung; calls with new shapes may take seconds."""
 
 
 async def watch(name: str, pending: Callable[[], object]) -> NoReturn:
-    """Look at a model for ever; time in which the process is stopped does not count.
+    """Watch a model until cancelled; time in which the process is suspended does not count.
 
     name: the model's. pending: returns what its next answer is known by, something else after each; None while it is
     asked nothing.

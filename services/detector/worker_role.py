@@ -1,4 +1,4 @@
-"""What a worker is to the fleet: the one whose results count, or one that gives a second opinion. Pure."""
+"""Roles of a worker: primary, whose results count, or opinion, which only gives a second opinion. Pure."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -11,7 +11,7 @@ LONGEST_NAME: Final = 64
 
 @dataclass(frozen=True, slots=True)
 class WorkerRole:
-    """Under which name a worker works, and what it makes.
+    """The service name of a worker, and the results it makes.
 
     service: its name in the keys of workers; cameras are shared with workers of the same alone. lists: the stream of
     its class lists. lists_only: it makes nothing else of a camera, and answers no images.
@@ -26,7 +26,7 @@ class WorkerRole:
     prefix: str = ""
 
     def consumer(self, worker: str) -> str:
-        """Return the name under which a worker asks gateways for frames: a detector beside it may be its namesake.
+        """Return the name under which a worker asks gateways for frames: a detector beside it may have the same name.
 
         No detector's own name begins with another role's prefix; see `DetectorSettings`.
         """
@@ -36,4 +36,4 @@ class WorkerRole:
 DETECTOR: Final = WorkerRole(worker_keys.DETECTOR, Stream.CLASSES)
 
 OPINION: Final = WorkerRole(worker_keys.OPINION, Stream.OPINION, lists_only=True, most_hz=2.0, prefix="opinion.")
-"""Its rate is enough for counts to settle, and leaves most of a machine to a detector on it."""
+"""A rate that is enough for counts to settle, and leaves most of the machine to a detector on it."""

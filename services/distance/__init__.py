@@ -1,1 +1,1 @@
-"""How far away what a detector found is, and where: detections joined with depth, by time and by geometry."""
+"""Measures the distance and position of detected objects: detections joined with depth by time and geometry."""

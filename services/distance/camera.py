@@ -1,4 +1,4 @@
-"""One camera at a distance worker: its detections measured, the newest ones first, while somebody wants to know."""
+"""Measures one camera's newest detections while distances are wanted."""
 
 import asyncio
 import logging
@@ -28,7 +28,7 @@ from services.geometry.errors import GeometryError
 log = logging.getLogger(__name__)
 
 WAIT_S: Final = 0.2
-"""How long detections wait for the depth image and the transforms of their instant."""
+"""Seconds that detections wait for the depth image and the transforms of their instant."""
 
 WAITED: Final = "join"
 MEASURED: Final = "distance"
@@ -36,7 +36,7 @@ MEASURED: Final = "distance"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistanceCamera:
-    """What one camera is measured with. worker: this one's name. executor: where the arithmetic runs."""
+    """The parts that measure one camera. worker: this worker's name. executor: runs the arithmetic."""
 
     account: DetectionCounts
     sensed: SensorHistory
@@ -114,7 +114,7 @@ async def _measure(
 
 
 async def _moment(sensed: SensorHistory, seen: Detections, news: asyncio.Event) -> ImageContext:
-    """Return what is known of an image's instant, once all is, or after WAIT_S."""
+    """Return the sensor data of an image's instant, once it is complete, or after WAIT_S."""
     with suppress(TimeoutError):
         async with asyncio.timeout(WAIT_S):
             while sensed.at(seen).open:

@@ -1,4 +1,4 @@
-"""Some readings of depth in each object's mask and just around it, of all objects of an image at once. Pure."""
+"""Samples depth readings in and around the masks of all objects of an image at once. Pure."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,36 +18,36 @@ Indices = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 
 SAMPLE: Final = 512
-"""Readings of an object that its statistics are made of, spread evenly over it."""
+"""Number of readings of an object for its statistics, spread evenly over it."""
 
 AROUND: Final = 256
-"""Readings around it."""
+"""Number of readings around it."""
 
 FILLED: Final = SAMPLE // 8
-"""Where fewer pixels than this have a reading near, of SAMPLE, those that have one are taken."""
+"""If fewer of the SAMPLE pixels than this have a reading nearby, pixels with readings are sampled instead."""
 
 REACH: Final = 2
-"""A pixel without a reading counts as the nearest one of its row that has one, at most so many pixels away."""
+"""A pixel without a reading takes the nearest one in its row, at most this many pixels away."""
 
 RING: Final = 5
-"""Pixels around a mask that say what is behind and before the object."""
+"""Width in pixels of the surroundings of a mask, which show what is behind and before the object."""
 
 _BESIDE: Final = np.array([step for apart in range(1, REACH + 1) for step in (apart, -apart)])
 _BETWEEN: Final = np.zeros(REACH, np.bool_)
 _NUMBER_BITS: Final = np.uint64(32)
 _EVEN: Final = {count: np.arange(count, dtype=np.float64) for count in (SAMPLE, AROUND)}
 _APART: Final = {count: np.random.default_rng(0).random(count) for count in (SAMPLE, AROUND)}
-"""Where in each of so many equal parts of a range: at their beginnings, all could fall on one column of a mask."""
+"""Position within each equal part of a range: at the beginnings, all could fall on one column of a mask."""
 
 _GOLDEN: Final = (1 + 5**0.5) / 2
 _ACROSS: Final = (np.arange(SAMPLE) - (SAMPLE - 1) / 2) * _GOLDEN % 1
-"""Where across a line of a mask each reading is: in the middle on average, and any few that follow on each other lie
-evenly apart (Weyl, 1916)."""
+"""Position of each reading across a line of a mask: central on average, and any few consecutive ones are evenly spaced
+(Weyl, 1916)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Criteria:
-    """When readings count. min_pixels: valid ones that an object needs. edge: pixels taken off at a mask's edges."""
+    """Criteria for readings. min_pixels: valid ones per object. edge: pixels trimmed from a mask's edges."""
 
     min_pixels: int = 30
     edge: int = 0
@@ -55,7 +55,7 @@ class Criteria:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picked:
-    """What n masks hold: areas, counts: (n,) pixels, and how many of them have a reading. mean_m: (n,) of these.
+    """Readings of n masks. areas, counts: (n,) pixels, and pixels with a reading. mean_m: (n,) of these.
 
     own: (n,) whether any of these are the object's. rows: which ones have enough, and of their own, m of them.
     z: (m, SAMPLE) some of these in metres, ascending. at: (m, SAMPLE) flat places of these in the image. around:
@@ -73,7 +73,7 @@ class Picked:
 
 
 def pick(windows: Sequence[Window], image: Depth, criteria: Criteria) -> Picked:
-    """Pick readings of a depth image in windows with a margin of RING."""
+    """Samples readings of a depth image in windows with a margin of RING."""
     starts = np.cumsum([0, *(window.pixels.size + REACH for window in windows)])
     depth = np.zeros(starts[-1], np.float32)
     for window, start in zip(windows, starts.tolist(), strict=False):
@@ -98,7 +98,7 @@ def pick(windows: Sequence[Window], image: Depth, criteria: Criteria) -> Picked:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Marked:
-    """Pixels of n windows, one window after another, REACH pixels apart so that none is near another one's.
+    """Pixels of n windows, one window after another, REACH pixels apart to keep them from affecting each other.
 
     starts: (n + 1,) where windows begin. at: which pixels are marked. bounds: (n + 1,) whose these are. ends: how many
     there are up to the end of each line of each window. read: of every pixel, whether it is marked and has a reading.
@@ -124,13 +124,13 @@ class _Marked:
         return np.diff(self.bounds)
 
     def means(self, depth: Floats) -> tuple[Indices, NDArray[Any]]:
-        """Return how many readings each window has, and their mean, 0 where there are none."""
+        """Return the number of readings of each window, and their mean, 0 where there are none."""
         readings = [depth[start:end][self.read[start:end]] for start, end in pairwise(self.starts.tolist())]
         counts = np.array([len(each) for each in readings], np.intp)
         return counts, np.array([cv2.mean(each)[0] if len(each) else 0.0 for each in readings])
 
     def nearest(self, rows: Indices) -> Indices:
-        """Return SAMPLE pixels with readings of each of these windows, instead of some that may have none.
+        """Return SAMPLE pixels with readings of each of these windows, in place of samples that may have none.
 
         Readings are lost at edges and in shadows: without those beside them what is there would not count.
         """
@@ -151,7 +151,7 @@ class _Marked:
         return np.asarray(found.take(_spread(begins, counts, SAMPLE)))
 
     def _scattered(self, rows: Indices) -> Indices:
-        """Return the numbers of SAMPLE marked pixels of each of these windows, down it and across as even as can be.
+        """Return SAMPLE of the marked pixels of each window, spread over it as evenly as possible.
 
         An equal part of a wide mask is longer than a line: within it, any place across would be as good as another.
         """
@@ -164,7 +164,7 @@ class _Marked:
 
 
 def _cores(windows: Sequence[Window], starts: Indices, there: Bools, criteria: Criteria) -> Iterator[Window]:
-    """Return masks without their edges, where that leaves enough readings."""
+    """Return masks without their edges, where enough readings remain."""
     for window, start in zip(windows, starts, strict=False):
         inner = eroded(window, criteria.edge)
         read = np.count_nonzero(inner.pixels.reshape(-1) & there[start : start + inner.pixels.size])
@@ -186,14 +186,14 @@ def _around(windows: Sequence[Window], rows: Indices, depth: Floats, there: Bool
 
 
 def _spread(starts: Indices, counts: Indices, wanted: int) -> Indices:
-    """Return so many numbers of each range, (n, wanted), one of each equal part of it."""
+    """Return random numbers of each range, (n, wanted), one from each equal part of it."""
     parts = (counts / wanted)[:, np.newaxis]
     places = _EVEN[wanted] * parts + _APART[wanted] * np.maximum(parts - 1, 0)
     return starts[:, np.newaxis] + places.astype(np.intp)
 
 
 def _in_image(pixels: Indices, windows: Sequence[Window], starts: Indices, width: int) -> Indices:
-    """Return where in a flat image so wide pixels are, (m, k), that are counted from m windows' starts."""
+    """Return the flat indices (m, k) in an image of this width of pixels counted from m windows' starts."""
     places = np.array([(window.top, window.left, window.pixels.shape[1]) for window in windows], np.intp)
     top, left, across = places.reshape(-1, 3).T[:, :, np.newaxis]
     inside = pixels - starts[:, np.newaxis]
@@ -201,7 +201,7 @@ def _in_image(pixels: Indices, windows: Sequence[Window], starts: Indices, width
 
 
 def _ascending(z: Floats, at: Indices) -> tuple[Floats, Indices]:
-    """Return each row in the order of z, which is positive: its bits are in the same order as it."""
+    """Return each row sorted by z, which is positive: its bit pattern has the same order."""
     keys = (z.view(np.uint32).astype(np.uint64) << _NUMBER_BITS) | at.astype(np.uint64)
     keys.sort(axis=1)
     return (keys >> _NUMBER_BITS).astype(np.uint32).view(np.float32), keys.astype(np.uint32).astype(np.intp)

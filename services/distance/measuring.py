@@ -1,4 +1,4 @@
-"""What depth says of the objects of one image. Pure."""
+"""Measures the objects of one image in depth. Pure."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,19 +25,19 @@ Indices = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 
 AT_ONCE: Final = 1 << 21
-"""Pixels of the windows of objects that are measured at once."""
+"""Pixels of the windows of objects that are measured together."""
 
 _NOISE: Final = 0.01
-"""Share of an object's readings that are nearer than its nearest point."""
+"""Share of an object's readings that may be nearer than its reported nearest point."""
 
-_NOWHERE: Final = "by the camera's distortion model its pixels look nowhere"
+_NOWHERE: Final = "the camera's distortion model gives its pixels no direction"
 _SIGMA: Final = 1.4826
 """Standard deviations of a normal distribution in one median absolute deviation."""
 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A further frame of reference. from_camera: 4 x 4, or why it is not known."""
+    """A target frame of reference. from_camera: 4 x 4 transform, or why it is unknown."""
 
     frame_id: str
     from_camera: NDArray[Any] | str
@@ -45,7 +45,7 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthView:
-    """Depth as the colour camera sees it.
+    """Depth seen from the colour camera.
 
     frame_id: the camera's optical frame. camera: its model, or why there is none.
     """
@@ -71,7 +71,7 @@ def measure(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -
 
 
 def measure_apart(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -> list[ObjectDistance]:
-    """Measure as `measure` does it, but if one object makes that fail, in whatever way, it alone is unknown.
+    """Measure like `measure`, but if one object fails, only that object is unknown.
 
     Raises:
         GeometryError: see `measure`.
@@ -93,7 +93,7 @@ def _alone(index: int, found: Detection, view: DepthView, criteria: Criteria) ->
 
 
 def unknown(objects: Sequence[Detection], reason: str) -> list[ObjectDistance]:
-    """Say of each object that nothing is known, and why."""
+    """Return every object as unknown, with the reason."""
     return [_unknown(index, found, 0.0, reason) for index, found in enumerate(objects)]
 
 
@@ -102,7 +102,7 @@ def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectD
 
 
 def _groups(objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance]) -> Iterator[dict[int, Window]]:
-    """Return the masks of objects, some at a time, by number; why there is none goes to `unmeasured`."""
+    """Yield the decoded masks of objects, some at a time, by index; failures go to `unmeasured`."""
     masks = {index: found.mask for index, found in enumerate(objects) if found.mask is not None}
     windows: dict[int, Window] = {}
     pixels = 0
@@ -135,7 +135,9 @@ def _measured(
                 name=found.name, index=index, track=found.track, valid_share=share, measured=known[row]
             )
         else:
-            why = f"{criteria.min_pixels} are needed" if own else "all of what is around it: it gives no depth itself"
+            why = (
+                f"{criteria.min_pixels} are needed" if own else "all from its surroundings: it returns no depth itself"
+            )
             reason = f"{count} of its {area} pixels have a reading, {why}"
             yield _unknown(index, objects[index], share, reason)
 
@@ -163,7 +165,7 @@ def _known(picked: Picked, view: DepthView) -> Iterator[Measured]:
 
 
 def _else(some: Bools, other: Bools) -> Bools:
-    """Return each row of the one, or of the other where nothing is set in it."""
+    """Return each row of the first array, or of the second where the first has nothing set."""
     return np.where(some.any(axis=1, keepdims=True), some, other)
 
 
@@ -179,7 +181,7 @@ def _medians(values: NDArray[Any], own: Bools) -> NDArray[Any]:
 def _placed(
     z: Floats, at: Indices, own: Bools, solid: Bools, view: DepthView
 ) -> tuple[list[float | None], list[list[Place]]]:
-    """Return each object's straight distance, and the middle of its solid readings in each frame."""
+    """Return each object's straight-line distance, and the centre of its solid readings in each frame."""
     names = [view.frame_id, *(frame.frame_id for frame in view.frames)]
     if isinstance(view.camera, str):
         return [None] * len(z), [[Place(frame_id=name, unknown=view.camera) for name in names]] * len(z)
@@ -211,6 +213,6 @@ def _in_frame(frame_id: str, middles: NDArray[Any], from_camera: NDArray[Any] | 
 
 def _place(frame_id: str, at: Sequence[float]) -> Place:
     if max(map(abs, at)) > MAX_COORDINATE_M:
-        return Place(frame_id=frame_id, unknown=f"more than {MAX_COORDINATE_M:g} m away by the transforms")
+        return Place(frame_id=frame_id, unknown=f"more than {MAX_COORDINATE_M:g} m away according to the transforms")
     x, y, z = at
     return Place(frame_id=frame_id, at=(x, y, z))

@@ -1,4 +1,4 @@
-"""The distance process: join the bus, work."""
+"""The distance process: joins the bus and works."""
 
 import logging
 from collections.abc import Callable
@@ -25,7 +25,7 @@ SERVICE: Final = "distance"
 
 
 class DistanceWorker:
-    """Serves the cameras that fall to it. executor: where the arithmetic runs, off the event loop."""
+    """Serves the cameras assigned to this worker. executor: runs the arithmetic, off the event loop."""
 
     def __init__(self, bus: Bus, settings: DistanceSettings, executor: Executor, *, join_s: float = JOIN_S) -> None:
         self._bus = bus

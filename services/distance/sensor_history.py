@@ -1,4 +1,4 @@
-"""What one camera's robot has said so far: depth by stamp, calibrations, frames of reference. Pure."""
+"""Keeps recent data of one camera's robot: depth by stamp, calibrations, frames of reference. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ NO_STAMP: Final = "the image has no stamp"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageContext:
-    """What is known when an image was taken. instant: or why there is no depth of it. open: more may become known."""
+    """Sensor data of an image's instant. instant: or why there is no depth. open: more may arrive."""
 
     instant: Instant | str
     frames: tuple[Frame, ...]
@@ -29,7 +29,7 @@ class ImageContext:
 
 @dataclass(slots=True)
 class SensorHistory:
-    """Messages of one camera and its robot, joined with detections by stamp. frames: where objects are to be placed."""
+    """Messages of one camera and its robot, joined with detections by stamp. frames: target frames of objects."""
 
     frames: Sequence[str]
     depths: Joiner[ImageFrame]
@@ -38,12 +38,12 @@ class SensorHistory:
     depth_info: CameraInfo | None = None
 
     def end(self) -> None:
-        """Forget everything that is of an instant."""
+        """Forget everything that belongs to an instant."""
         self.depths.flush()
         self.transforms.flush()
 
     def at(self, detections: Detections) -> ImageContext:
-        """Return what is known of the instant of an image."""
+        """Return the sensor data of the instant of an image."""
         header = detections.header
         frames, frames_open = self._frames(header.frame_id, header.stamp_ns)
         if not header.stamp_ns:
@@ -63,9 +63,9 @@ class SensorHistory:
         return tuple(Frame(name, place) for name, place, _ in found), any(early for *_, early in found)
 
     def _moved(self, at_rest: Transform, image: Header, depth: Header) -> Transform:
-        """Return where depth was from where the image was taken, as far as that is known now.
+        """Return the pose of the depth camera relative to the image's camera, as far as it is known now.
 
-        What says so is not waited for: a robot that stands still would wait for nothing.
+        Does not wait for transforms to arrive: on a standing robot they would make no difference.
         """
         try:
             return between(image, depth, self.transforms)
@@ -73,7 +73,7 @@ class SensorHistory:
             return at_rest
 
     def _lookup(self, target: str, source: str, stamp_ns: int) -> tuple[Transform | str, bool]:
-        """Return a transform or why it is not known, and whether it may become known."""
+        """Return a transform or why it is unknown, and whether it may become known."""
         try:
             return self.transforms.lookup(target, source, stamp_ns), False
         except TransformError as error:

@@ -1,4 +1,4 @@
-"""What a camera's robot sends, taken in as it arrives."""
+"""Receives the sensor data of a camera's robot."""
 
 import asyncio
 import logging
@@ -27,14 +27,14 @@ TOO_MANY: Final = "too many at once"
 
 
 class DetectionCounts(Tally):
-    """Counts every image whose objects were detected once: measured, or dropped for a reason, which is said too."""
+    """Counts every image with detections once: measured, or dropped for a logged reason."""
 
     def __init__(self, camera: CameraKey) -> None:
         super().__init__(camera)
         self._last: Header | None = None
 
     def is_new(self, header: Header) -> bool:
-        """Return whether an image is newer than the last; of two workers at a take-over one may be behind the other."""
+        """Return whether an image is newer than the last; at a take-over one of two workers may lag behind."""
         new = is_newer(header, self._last)
         if new:
             self._last = header
@@ -43,7 +43,7 @@ class DetectionCounts(Tally):
         return new
 
     def malformed(self, what: str) -> None:
-        """Note a message that cannot be read."""
+        """Count a message that cannot be read."""
         self.dropped[f"malformed {what}"] += 1
 
 
@@ -58,7 +58,7 @@ H = TypeVar("H", ImageFrame, CameraInfo)
 
 
 class SensorInput:
-    """Fills `sensed` with what one camera's robot sends. news: set whenever there is more."""
+    """Fills `sensed` with data from one camera's robot. news: set whenever more has arrived."""
 
     def __init__(self, account: DetectionCounts, sensed: SensorHistory) -> None:
         self._key = account.camera
@@ -67,7 +67,7 @@ class SensorInput:
         self.news = asyncio.Event()
 
     async def run(self, bus: Bus) -> None:
-        """Take in until cancelled."""
+        """Receive until cancelled."""
         camera, robot = self._key.stream, self._key.robot
         async with asyncio.TaskGroup() as group:
             for what, key, keep, accept in (
@@ -80,7 +80,7 @@ class SensorInput:
                 group.create_task(self._take(bus, what, key, keep, accept))
 
     def end(self) -> None:
-        """Forget what is of an instant."""
+        """Forget everything that belongs to an instant."""
         self._count()
         self._sensed.end()
 

@@ -1,4 +1,4 @@
-"""Depth images as the colour camera sees them. Pure."""
+"""Brings depth images into the colour camera's view. Pure."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -25,7 +25,7 @@ _ANY: Final = Header(robot="any", boot_id="", seq=0, stamp_ns=0, frame_id="", re
 
 @dataclass(frozen=True, slots=True)
 class DepthLimits:
-    """What is a reading, in metres."""
+    """The range of valid depth, in metres."""
 
     nearest_m: float = 0.1
     farthest_m: float = 20.0
@@ -33,7 +33,7 @@ class DepthLimits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Instant:
-    """What was measured when an image was taken.
+    """The sensor data measured when an image was taken.
 
     info, depth_info: None where none arrived. color_from_depth: 4 x 4, from depth's optical frame at its stamp into the
     image's at the image's, or why it is not known.
@@ -47,7 +47,7 @@ class Instant:
 
 
 class Views:
-    """Makes views of one camera; what takes long, like registering depth, is prepared once for each calibration."""
+    """Makes views of one camera; slow steps such as registration are prepared once per calibration."""
 
     def __init__(self, limits: DepthLimits) -> None:
         self._limits = limits
@@ -56,7 +56,7 @@ class Views:
         self._registration: Registration | None = None
 
     def view(self, of: Instant) -> tuple[Depth, CameraModel | str]:
-        """Return depth at each pixel of the image, and the image's camera or why it is not known.
+        """Return depth at each pixel of the image, and the image's camera or why it is unknown.
 
         Raises:
             GeometryError: depth cannot be read, or not be brought to the image.
@@ -88,7 +88,7 @@ class Views:
         return model
 
     def _model(self, info: CameraInfo) -> CameraModel:
-        """Return the camera of a calibration, the same one as long as the calibration is."""
+        """Return the camera of a calibration, the same object while the calibration is unchanged."""
         calibration = msgspec.msgpack.encode(msgspec.structs.replace(info, header=_ANY))
         if calibration not in self._models:
             if len(self._models) >= _MODELS:
@@ -110,5 +110,5 @@ class Views:
 
 
 def _either(own: CameraInfo | None, other: CameraInfo | None) -> CameraInfo | None:
-    """Return a camera's calibration, or the other one's where that is missing."""
+    """Return a camera's calibration, or the other camera's where it is missing."""
     return other if is_calibrated(other) and not is_calibrated(own) else own or other

@@ -1,1 +1,1 @@
-"""Where what cameras see is in space: camera models, frames of reference over time, masks, depth. Pure."""
+"""Geometry of what cameras see: camera models, frames of reference over time, masks, depth. Pure."""

@@ -12,14 +12,14 @@ _SHORTEST: Final = 1e-6
 
 
 def level_of(up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a frame's x axis made level, a unit vector as `up` is; its z axis where x is upright itself."""
+    """Return a frame's x axis made level, a unit vector like `up`; its z axis if x is upright."""
     first = np.eye(3)[0 if abs(up[0]) < _UPRIGHT else 2]
     level = first - up * (up @ first)
     return np.asarray(level / np.linalg.norm(level))
 
 
 def axes_of(box: UprightBox) -> NDArray[np.float64]:
-    """Return the unit vectors along a box's length, width and height, a row each; z is up where it says nothing."""
+    """Return the unit vectors along a box's length, width and height, one row each; without `up`, z is up."""
     length = np.linalg.norm(box.up)
     up = np.array(box.up) / length if length > _SHORTEST else np.array([0.0, 0.0, 1.0])
     level = level_of(up)

@@ -1,4 +1,4 @@
-"""A camera's pixels and the directions in which they look."""
+"""Maps between a camera's pixels and their viewing directions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from services.geometry.errors import CalibrationError
 Floats = NDArray[np.float32]
 Numbers = NDArray[Any]
 Points = Numbers | Sequence[Any]
-"""An array, or what becomes one."""
+"""An array, or anything that converts to one."""
 
 MAX_PIXELS: Final = 2**24
-"""Of a picture whose every pixel gets a direction."""
+"""Maximum number of pixels of an image whose every pixel gets a direction."""
 
 
 @dataclass(frozen=True, eq=False)
 class CameraModel:
-    """A camera as its CameraInfo describes it. Immutable; what is costly is made once.
+    """A camera described by its CameraInfo. Immutable; expensive parts are made once.
 
     height, width: pixels of the pictures it sends. fx, fy, cx, cy, skew: of those pixels, (0, 0) being the centre of
     the upper left one. Points are in the optical frame (x right, y down, z forward), in metres.
@@ -40,7 +40,7 @@ class CameraModel:
 
     @classmethod
     def of(cls, info: CameraInfo) -> Self:
-        """Return the camera whose pictures a CameraInfo is for: cut to its region, binned.
+        """Return the camera of a CameraInfo's images: cropped to its region, binned.
 
         Raises:
             CalibrationError: it is not calibrated, or in a way that is unknown.
@@ -61,12 +61,12 @@ class CameraModel:
         )
 
     def check_size(self, height: int, width: int) -> None:
-        """Raise CalibrationError unless pictures of this size are what the camera is calibrated for."""
+        """Raise CalibrationError unless the camera is calibrated for images of this size."""
         if (height, width) != (self.height, self.width):
             raise CalibrationError(f"calibrated for {self.width}x{self.height} pixels, the image has {width}x{height}")
 
     def project(self, points: Points) -> Numbers:
-        """Return the pixels (n, 2; column, row) of points (n, 3); NaN for what is not before the camera.
+        """Return the pixels (n, 2; column, row) of points (n, 3); NaN for points not in front of the camera.
 
         A pixel may lie outside the picture.
         """
@@ -82,13 +82,13 @@ class CameraModel:
         return columns + self.skew * y if self.skew else columns, self.fy * y + self.cy
 
     def undistort(self, pixels: Points) -> Numbers:
-        """Return the directions (n, 2; x / z, y / z) in which pixels (n, 2) look; NaN where no light can come from."""
+        """Return the viewing directions (n, 2; x / z, y / z) of pixels (n, 2); NaN where the lens admits none."""
         columns, rows = np.asarray(pixels, np.float64).reshape(-1, 2).T
         y = (rows - self.cy) / self.fy
         return np.stack(self.lens.undistort((columns - self.cx - self.skew * y) / self.fx, y), axis=1)
 
     def unproject(self, pixels: Points, depth: Points) -> Numbers:
-        """Return the points (n, 3) that pixels (n, 2) show at metres along the optical axis (n)."""
+        """Return the points (n, 3) shown by pixels (n, 2) at metres along the optical axis (n)."""
         directions = self.undistort(pixels)
         return np.column_stack([directions, np.ones(len(directions))]) * np.asarray(depth, np.float64)[:, np.newaxis]
 

@@ -1,4 +1,4 @@
-"""Data as a gateway compressed it, decompressed."""
+"""Decompresses data from a gateway."""
 
 import sys
 
@@ -11,7 +11,7 @@ else:
 
 
 def decompressed(data: memoryview, size: int) -> memoryview:
-    """Return the `size` bytes that one Zstandard frame holds; no more than that is decompressed.
+    """Return the `size` bytes of one Zstandard frame; never decompresses more.
 
     Raises:
         PayloadError: it does not hold them.

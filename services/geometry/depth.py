@@ -1,4 +1,4 @@
-"""Depth images in metres, whatever they were sent as."""
+"""Reads depth images of any encoding as metres."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,7 +16,7 @@ from services.geometry.errors import DepthError
 Floats = NDArray[np.float32]
 
 _MILLIMETRES: Final = np.float32(1000)
-"""Of a metre; divided by, so that what is exact in millimetres is rounded once."""
+"""Millimetres per metre; a divisor, so that exact millimetres are rounded once."""
 
 _LIMITS: Final = np.finfo(np.float32)
 _NUMBERS: Final = np.arange(1 << 16, dtype=np.uint16)
@@ -25,7 +25,7 @@ _EVERYWHERE: Final = (slice(None), slice(None))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Depth:
-    """A depth image, height x width, that becomes metres where these are asked for.
+    """A depth image, height x width, converted to metres only where requested.
 
     numbers: of its pixels. table: the metres that each number of 16 bits stands for, None where numbers are metres
     themselves; NaN for no reading.
@@ -41,7 +41,7 @@ class Depth:
         return height, width
 
     def metres(self, place: tuple[slice, slice] = _EVERYWHERE) -> Floats:
-        """Return metres along the optical axis in those rows and columns, NaN for no reading. Read only."""
+        """Return metres along the optical axis in these rows and columns, NaN for no reading. Read only."""
         numbers = self.numbers[place]
         if self.table is None:
             return numbers
@@ -51,7 +51,7 @@ class Depth:
 
 
 def read_depth(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = np.inf) -> Depth:
-    """Read a depth image; what is beyond the limits is no reading.
+    """Read a depth image; values beyond the limits are no readings.
 
     Unit and missing readings are what the encoding says: 16UC1 is millimetres with 0 for none, 32FC1 metres. 0 and what
     is negative or infinite is never a reading.
@@ -70,7 +70,7 @@ def read_depth(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float =
 
 @lru_cache(maxsize=8)
 def _metres_of_numbers(inverse_depth: tuple[float, float] | None, nearest_m: float, farthest_m: float) -> Floats:
-    """Return the metres that each number of 16 bits stands for."""
+    """Return the metres for each 16 bit value."""
     if inverse_depth is None:
         return _within(_NUMBERS.astype(np.float32) / _MILLIMETRES, nearest_m, farthest_m)
     scale, offset = inverse_depth
@@ -81,7 +81,7 @@ def _metres_of_numbers(inverse_depth: tuple[float, float] | None, nearest_m: flo
 
 
 def _within(metres: Floats, nearest_m: float, farthest_m: float) -> Floats:
-    """Put NaN where there is no reading or one beyond the limits."""
+    """Set values beyond the limits and missing readings to NaN."""
     near, far = max(np.float32(nearest_m), _LIMITS.tiny), min(np.float32(farthest_m), _LIMITS.max)
     beyond = metres < near
     beyond |= metres > far
@@ -99,7 +99,7 @@ def _values(frame: ImageFrame) -> NDArray[Any]:
 
 def _decoded(frame: ImageFrame) -> NDArray[Any]:
     if frame.format != PNG:
-        raise DepthError(f"depth as {frame.format[:32]}, which loses it")
+        raise DepthError(f"depth as {frame.format[:32]}, which is lossy")
     try:
         pixels = cv2.imdecode(np.frombuffer(frame.data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:

@@ -1,4 +1,4 @@
-"""How lenses bend: the distortion models of sensor_msgs/distortion_models.h, there and back.
+"""Distortion models of sensor_msgs/distortion_models.h, in both directions.
 
 Points are of the plane at distance 1 before the camera, x / z and y / z, in arrays of any one shape and float type.
 """
@@ -28,17 +28,17 @@ _BROWN: Final = 12
 
 
 class Distortion(Protocol):
-    """A lens."""
+    """The distortion of a lens."""
 
     def distort(self, x: Plane, y: Plane) -> Pair:
-        """Return where the lens puts points; NaN where it bends so far that the model means nothing."""
+        """Return the distorted points; NaN where the distortion is outside the model's range."""
 
     def undistort(self, x: Plane, y: Plane) -> Pair:
-        """Return what the lens put at points; NaN where it can put nothing."""
+        """Return the undistorted points; NaN where there are none."""
 
 
 class Straight:
-    """A lens that does not bend."""
+    """A lens without distortion."""
 
     def distort(self, x: Plane, y: Plane) -> Pair:
         """See `Distortion.distort`."""
@@ -58,7 +58,7 @@ class Brown:
     rising: Pair = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Find how far from the axis the model means something: as long as more distance means more."""
+        """Find the radius up to which the model is valid: where it is still monotonic."""
         radii = np.tan(np.linspace(0, _WIDEST, _GRID))
         object.__setattr__(self, "rising", _rising(radii, radii * self._radial(radii**2)))
         object.__setattr__(self, "widest", float(self.rising[0][-1]))
@@ -74,7 +74,7 @@ class Brown:
         return bent_x, bent_y
 
     def undistort(self, x: Plane, y: Plane) -> Pair:
-        """See `Distortion.undistort`. Newton's method, from where the distance to the axis alone would put points."""
+        """See `Distortion.undistort`. Newton's method, started from radial distortion alone."""
         bent = np.hypot(x, y)
         factor = _ratio(_unbent(bent, self.rising), bent)
         found_x, found_y = x * factor, y * factor
@@ -122,7 +122,7 @@ class Equidistant:
     rising: Pair = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Find up to which angle the model means something: less than a right one, and while more means more."""
+        """Find the angle up to which the model is valid: below 90 degrees, where it is still monotonic."""
         angles = np.linspace(0, _WIDEST, _GRID)
         object.__setattr__(self, "rising", _rising(angles, self._bend(angles)))
         object.__setattr__(self, "widest", float(self.rising[0][-1]))
@@ -161,7 +161,7 @@ class Equidistant:
 
 
 def distortion_of(model: str, coefficients: Sequence[float]) -> Distortion:
-    """Return the lens that `distortion_model` and `d` of a CameraInfo describe, made once; of none a straight one.
+    """Return the lens that `distortion_model` and `d` of a CameraInfo describe, cached; without `d` a straight one.
 
     Raises:
         CalibrationError: an unknown model, or not as many coefficients as it has.
@@ -180,14 +180,14 @@ def _lens(model: str, d: tuple[float, ...]) -> Distortion:
 
 
 def _rising(values: Plane, bent: Plane) -> Pair:
-    """Return ascending values as far as the bent ones ascend too, and these."""
+    """Return ascending values up to where their distorted values stop ascending, and these."""
     falls = np.flatnonzero(~(np.diff(bent) > 0))
     end = falls[0] + 1 if len(falls) else len(values)
     return values[:end], bent[:end]
 
 
 def _unbent(bent: Plane, rising: Pair) -> Plane:
-    """Return about which values are bent so, of those that rise: near where it begins Newton's method misses none."""
+    """Return approximate undistorted values, interpolated: close enough for Newton's method to converge."""
     values, bends = rising
     return np.asarray(np.interp(bent, bends, values))
 
@@ -198,7 +198,7 @@ def _ratio(over: Plane, under: Plane) -> Plane:
 
 
 def _solve(slope: Slope, x: Plane, y: Plane) -> Pair:
-    """Return the steps that the slopes turn into x and y."""
+    """Return the Newton steps in x and y for these residuals and slopes."""
     a, b, c, d = slope
     with np.errstate(divide="ignore", invalid="ignore"):
         whole = a * d - b * c

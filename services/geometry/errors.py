@@ -1,4 +1,4 @@
-"""Every error this package raises on purpose; the text of each is a reason that fits a result's `unknown`.
+"""Errors of this package; the text of each is a reason that fits a result's `unknown`.
 
 GeometryError
 ├── CalibrationError
@@ -18,38 +18,38 @@ from schemas.header import MAX_LABEL
 
 
 class GeometryError(ValueError):
-    """What is asked cannot be known from what is there. Its text is at most MAX_LABEL characters long."""
+    """The result cannot be computed from the data. The text is at most MAX_LABEL characters long."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason[:MAX_LABEL])
 
 
 class CalibrationError(GeometryError):
-    """A CameraInfo that no pixel can be placed with, or one of another picture."""
+    """The CameraInfo is uncalibrated or belongs to another image."""
 
 
 class DepthError(GeometryError):
-    """An image that holds no depth that can be read."""
+    """The image holds no readable depth."""
 
 
 class MaskError(GeometryError):
-    """Runs that are no mask of their size."""
+    """The runs are not a mask of this size."""
 
 
 class PayloadError(GeometryError):
-    """Compressed data that is damaged."""
+    """The compressed data is damaged."""
 
 
 class TransformError(GeometryError):
-    """Two frames of reference whose relation at a time is not known."""
+    """The transform between two frames at a time is unknown."""
 
 
 class UnknownFrameError(TransformError):
-    """Nothing was ever said of a frame."""
+    """The frame never occurred in any transform."""
 
 
 class UnconnectedError(TransformError):
-    """Both frames are known, but nothing leads from one to the other."""
+    """Both frames are known, but not connected."""
 
 
 class LoopError(TransformError):
@@ -57,12 +57,12 @@ class LoopError(TransformError):
 
 
 class TooOldError(TransformError):
-    """The stamp is before what is kept of a transform."""
+    """The stamp is older than the kept history of a transform."""
 
 
 class TooNewError(TransformError):
-    """The stamp is after what is known of a transform so far; it may become known."""
+    """The stamp is newer than the last transform; it may become known."""
 
 
 class SilentError(TransformError):
-    """The stamp is so long after what is known of a transform that nobody seems to say it any more."""
+    """The stamp is much newer than the last transform, which seems no longer to be published."""

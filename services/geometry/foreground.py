@@ -1,4 +1,4 @@
-"""Which of the readings within a mask are the object's own: background bleeds in at edges and through gaps."""
+"""Selects the readings in a mask that belong to the object: background bleeds in at edges and through gaps."""
 
 from typing import Any, Final
 
@@ -55,7 +55,7 @@ _GOES_ON: Final = 0.5
 
 
 def foreground(within: Depths, around: Depths) -> Bools:
-    """Return which readings of n objects are their own, n x m.
+    """Return which readings of n objects belong to them, n x m.
 
     within: n x m, readings within each mask, in metres, each row ascending. around: n x k, readings just outside of it,
     each row ascending, NaN where there are fewer.
@@ -78,7 +78,7 @@ def foreground(within: Depths, around: Depths) -> Bools:
 
 
 def on_surface(within: Depths) -> Bools:
-    """Return which of each row's ascending readings, n x m, lie dense; where a sensor sees two surfaces they do not."""
+    """Return which of each row's ascending readings, n x m, are dense; between two surfaces they are sparse."""
     dense = _dense(within)
     starts = np.zeros((len(within), within.shape[1] + 1), np.int32)
     near = within.shape[1] - dense.shape[1]
@@ -89,7 +89,7 @@ def on_surface(within: Depths) -> Bools:
 
 
 def has_own_depth(window: Window, depth_m: Depths) -> bool:
-    """Return whether any readings in a mask are the object's own.
+    """Return whether any readings in a mask belong to the object.
 
     An object that gives no depth, being black, shiny or too near, has readings at its mask's rim all the same: those of
     what is around it, for masks and depth never fit exactly. They lie on the rim alone, and go on outside of it.
@@ -118,7 +118,7 @@ def _core(window: Window) -> Bools:
 
 
 def _is_among(depth_m: Depths, others: Bools) -> Bools:
-    """Return which readings lie between those of the others that are within _REACH, or close to one of them."""
+    """Return which readings lie between other readings within _REACH, or close to one of them."""
     square = np.ones((2 * _REACH + 1, 2 * _REACH + 1), np.uint8)
     nearest = cv2.erode(np.where(others, depth_m, np.inf).astype(np.float32), square)
     farthest = cv2.dilate(np.where(others, depth_m, 0).astype(np.float32), square)
@@ -127,14 +127,14 @@ def _is_among(depth_m: Depths, others: Bools) -> Bools:
 
 
 def _dense(within: Depths) -> Bools:
-    """Return where each row has a surface's share of readings close behind a reading; not of its last ones."""
+    """Return where each row has a surface's share of readings close behind a reading; never its last ones."""
     near = max(1, round(within.shape[1] * _NEIGHBOURS))
     starts = within[:, :-near]
     return np.asarray(within[:, near:] - starts <= _GAP_M + _GAP_SHARE * starts)
 
 
 def _surfaces(dense: Bools, near: int) -> tuple[Indices, Indices, Indices]:
-    """Return whose each surface is, and its first and last reading, which is so many after the last dense one."""
+    """Return the row of each surface and its first and last reading, a fixed number after the last dense one."""
     bordered = np.zeros((len(dense), dense.shape[1] + 2), np.bool_)
     bordered[:, 1:-1] = dense
     rows, edges = np.nonzero(bordered[:, 1:] != bordered[:, :-1])
@@ -142,7 +142,7 @@ def _surfaces(dense: Bools, near: int) -> tuple[Indices, Indices, Indices]:
 
 
 def _kept(within: Depths, whose: Indices, first: Indices, last: Indices, around: Depths) -> Bools:
-    """Return which surfaces, from their first to their last reading, are the object's."""
+    """Return which surfaces, each from its first to its last reading, belong to the object."""
     inside = (last - first + 1) / within.shape[1]
     nearest, farthest, beside = within[whose, first], within[whose, last], around[whose]
     slack = (_GAP_M + _GAP_SHARE * nearest)[:, np.newaxis]

@@ -1,4 +1,4 @@
-"""Masks of objects as windows of the image: their runs decoded, edges taken off."""
+"""Decodes masks of objects to windows of the image, and trims their edges."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ Bools = NDArray[np.bool_]
 
 MANY_PIXELS: Final = 1 << 25
 MANY_CHARACTERS: Final = 1 << 20
-"""Masks of more pixels, or of more text, are not decoded at once."""
+"""Masks with more pixels, or more text, in total are not decoded at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
-    """A mask, cut to the rows and columns that it has pixels in. pixels: height x width.
+    """A mask, cropped to the rows and columns with pixels. pixels: height x width.
 
     top, left: where in the image its first row and column are.
     """
@@ -56,7 +56,7 @@ def decode(mask: Mask, *, margin: int = 0) -> Window:
 
 
 def decode_all(masks: Iterable[Mask], *, margin: int = 0) -> Iterator[Window | MaskError]:
-    """Decode masks as `decode` does it, several at a time; where one is damaged there is the error."""
+    """Decode masks like `decode`, several at a time; the error stands in place of a damaged one."""
     for group in _groups(masks):
         height, width = group[0].size
         try:
@@ -73,7 +73,7 @@ def _decoded(mask: Mask, margin: int) -> Window | MaskError:
 
 
 def _groups(masks: Iterable[Mask]) -> Iterator[list[Mask]]:
-    """Return masks of the same size, so few that they are decoded in little memory."""
+    """Yield groups of masks of the same size that are small enough to be decoded in little memory."""
     group: list[Mask] = []
     pixels = characters = 0
     for mask in masks:
@@ -89,7 +89,7 @@ def _groups(masks: Iterable[Mask]) -> Iterator[list[Mask]]:
 
 
 def _windows(runs: Runs, width: int, margin: int) -> Iterator[Window]:
-    """Return the windows of masks of images so wide."""
+    """Return the windows of masks of images of this width."""
     counts = runs.bounds[1:] - runs.bounds[:-1]
     some = counts.nonzero()[0]
     begins, counts_of_some = runs.bounds[some], counts[some]
@@ -117,7 +117,7 @@ def _windows(runs: Runs, width: int, margin: int) -> Iterator[Window]:
 
 
 def _drawn(starts: Integers, stops: Integers, size: int) -> Bools:
-    """Return so many pixels, of which those of the runs are set."""
+    """Return an array of this many pixels, with those of the runs set."""
     edges = np.zeros(2 * len(starts) + 2, np.int64)
     edges[1:-1:2], edges[2:-1:2], edges[-1] = starts, stops, size
     is_set = np.zeros(len(edges) - 1, np.bool_)
@@ -143,6 +143,6 @@ def surroundings(window: Window, pixels: int) -> Bools:
 
 @cache
 def _square(pixels: int) -> NDArray[np.uint8]:
-    """Return the kernel that reaches so many pixels in each direction."""
+    """Return the kernel that reaches this many pixels in each direction."""
     size = 2 * pixels + 1
     return np.ones((size, size), np.uint8)

@@ -1,4 +1,4 @@
-"""Memory that several holders share: whoever holds most gives way. Pure."""
+"""A memory budget shared by several holders: the largest holder makes room. Pure."""
 
 from typing import Final, Protocol
 
@@ -9,14 +9,14 @@ CROWDED: Final = "no room for more"
 
 
 class Holder(Protocol):
-    """Who keeps something."""
+    """A holder of memory under the budget."""
 
     def shed(self) -> None:
-        """Let go of some of what is kept, the oldest first, and say so to the budget."""
+        """Release some of the data, oldest first, and note it in the budget."""
 
 
 class MemoryBudget:
-    """So many bytes, for all of its holders together."""
+    """A limit in bytes for all of its holders together."""
 
     def __init__(self, most_bytes: int = MEMORY_BYTES) -> None:
         self._most = most_bytes
@@ -24,12 +24,12 @@ class MemoryBudget:
         self.taken = 0
 
     def hold(self, holder: Holder, size: int) -> None:
-        """Note how many bytes somebody holds now; who holds none is forgotten."""
+        """Note the number of bytes of a holder; one with 0 bytes is removed."""
         self.taken += size - self._held.pop(holder, 0)
         if size:
             self._held[holder] = size
 
     def settle(self) -> None:
-        """Have those that hold most shed until it all fits."""
+        """Make the largest holders shed until all data fits."""
         while self.taken > self._most:
             max(self._held, key=self._held.__getitem__).shed()

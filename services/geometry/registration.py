@@ -1,4 +1,4 @@
-"""Depth as another camera sees it: each reading a point in space, drawn into the other picture, nearest in front."""
+"""Registers depth to another camera: each reading becomes a point, drawn into the other image, nearest first."""
 
 import math
 from typing import Final
@@ -13,10 +13,10 @@ Floats = NDArray[np.float32]
 Numbers = NDArray[np.float64]
 
 MAX_SPLAT: Final = 8
-"""Pixels of the other picture, across and down, that one reading covers at most."""
+"""Maximum number of pixels of the other image, across and down, that one reading covers."""
 
 AT_ONCE: Final = 1 << 14
-"""Readings that are moved at once, about: what is made of them stays in the processor's caches."""
+"""Approximate number of readings moved at once: intermediate results stay in the processor's caches."""
 
 _SAME_PIXELS: Final = 0.5
 _SAME_M: Final = 1e-4
@@ -24,7 +24,7 @@ _WHOLE: Final = 0.01
 
 
 def is_registered(depth: CameraModel, color: CameraModel, color_from_depth: Numbers) -> bool:
-    """Return whether each pixel of depth is the same pixel of colour to within half a pixel, at any distance."""
+    """Return whether depth and colour pixels coincide to within half a pixel, at any distance."""
     if (depth.height, depth.width) != (color.height, color.width):
         return False
     if np.abs(color_from_depth - np.identity(4)).max() > _SAME_M:
@@ -37,7 +37,7 @@ def is_registered(depth: CameraModel, color: CameraModel, color_from_depth: Numb
 
 
 class Registration:
-    """Turns depth images of one camera into those that another one, at another place, would see.
+    """Converts depth images of one camera into the view of a camera at another place.
 
     color_from_depth: 4 x 4, moves points of depth's optical frame into colour's.
 
@@ -74,7 +74,7 @@ class Registration:
         return made
 
     def _draw(self, drawn: Floats, depth_m: Floats, some: slice) -> None:
-        """Draw some rows of depth, also on what is so little left of the picture or above it that it reaches in."""
+        """Draw some rows of depth, also readings just left of or above the image that reach into it."""
         x, y, z = (
             direction[some] * depth_m[some] + offset
             for direction, offset in zip(self._directions, self._offset, strict=True)
@@ -91,11 +91,11 @@ class Registration:
 
 
 def _splat(finer: float) -> int:
-    """Return how many pixels a reading covers in a picture that is so much finer: nearby surfaces have no holes."""
+    """Return the number of pixels that a reading covers in a finer image, so that near surfaces have no holes."""
     return max(1, min(math.ceil(finer - _WHOLE), MAX_SPLAT))
 
 
 def _put(made: Floats, columns: NDArray[np.intp], rows: NDArray[np.intp], z: Floats) -> None:
-    """Put each depth at its pixel where nothing nearer is."""
+    """Draw each depth at its pixel unless a nearer one is there."""
     inside = (columns < made.shape[1]) & (rows < made.shape[0])
     np.minimum.at(made.reshape(-1), (rows * made.shape[1] + columns)[inside], z[inside])

@@ -1,4 +1,4 @@
-"""Rotations as quaternions (x, y, z, w) and as matrices."""
+"""Converts rotations between quaternions (x, y, z, w) and matrices."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,12 +44,12 @@ def inverse_of(transform: Numbers) -> Numbers:
 
 
 def moved(transform: Numbers, points: NDArray[np.floating]) -> Numbers:
-    """Return points (n, 3) as a 4 x 4 transform moves them."""
+    """Return points (n, 3) moved by a 4 x 4 transform."""
     return points @ transform[:3, :3].T + transform[:3, 3]
 
 
 def slerp(start: Numbers, end: Numbers, share: float) -> Numbers:
-    """Return the unit quaternion at a share, 0 to 1, of the shorter way between two (Shoemake 1985)."""
+    """Return the interpolation of two unit quaternions at a share, 0 to 1, of the shorter way (Shoemake 1985)."""
     cosine = float(start @ end)
     if cosine < 0:
         end, cosine = -end, -cosine

@@ -1,4 +1,4 @@
-"""COCO's run-length encoding of masks: text to runs of set pixels, of many masks at once. Pure."""
+"""Decodes COCO's run-length encoding of many masks at once: text to runs of set pixels. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ _LONGEST: Final = 7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Runs:
-    """Runs of set pixels of n masks, that go down the columns: in pictures of `height` rows side by side.
+    """Runs of set pixels of n masks, down the columns, in images of `height` rows side by side.
 
     starts, stops: a pixel's number in column order, none of them empty. bounds: (n + 1,) which runs are whose.
     """
@@ -57,7 +57,7 @@ class Runs:
 
 
 def _changes(texts: Sequence[str]) -> tuple[Integers, Integers]:
-    """Return the numbers that texts are made of, and where each text's end.
+    """Return the numbers in texts, and where each text's numbers end.
 
     Raises:
         MaskError: they are not encoded as COCO does it.
@@ -84,7 +84,7 @@ def _changes(texts: Sequence[str]) -> tuple[Integers, Integers]:
 
 
 def _lengths(changes: Integers, begins: Integers, counts: Integers, odd: Integers) -> Integers:
-    """Return the lengths of runs, clear and set ones in turn: from a text's fourth on each changes the last but one.
+    """Return the alternating lengths of clear and set runs: from a text's fourth on, each is a difference.
 
     Raises:
         MaskError: one is negative.
@@ -98,5 +98,5 @@ def _lengths(changes: Integers, begins: Integers, counts: Integers, odd: Integer
     lengths = sums[:-1] - before.repeat(counts) - odd * more.repeat(counts)
     lengths[begins] = changes[begins]
     if lengths.min() < 0:
-        raise MaskError("a run of less than no pixels")
+        raise MaskError("a run of negative length")
     return lengths

@@ -1,4 +1,4 @@
-"""Frames of reference over time: what /tf and /tf_static say, asked at a sensor's stamp."""
+"""Buffers transforms from /tf and /tf_static, and looks them up at a sensor's stamp."""
 
 import math
 from bisect import bisect_left
@@ -31,14 +31,14 @@ JUMP_NS: Final = 1_000_000_000
 """Stamps of one frame that go back by more than this are of a clock that jumped: what was kept of it is forgotten."""
 
 SILENT_NS: Final = 1_000_000_000
-"""Whoever says a transform says it more often than this, or says it no more."""
+"""A transform that is still published arrives at shorter intervals than this."""
 
 MAX_SAMPLES: Final = 5_000
 MOST_SAMPLES: Final = 200_000
-"""Of one frame, and of all of them, which have equal shares of it."""
+"""Limits per frame, and of all frames, which have equal shares of it."""
 
 SAMPLE_BYTES: Final = 400
-"""What one of them takes, about."""
+"""The approximate size of one of them."""
 
 MAX_FRAMES: Final = 4_096
 _UNIT: Final = 0.01
@@ -54,7 +54,7 @@ OUTDATED: Final = "static, of a frame that has moved since"
 
 @dataclass(slots=True)
 class _Moving:
-    """A frame's transforms to its parent, ascending by stamp; there is always one."""
+    """A frame's transforms to its parent, ascending by stamp; never empty."""
 
     parent: str
     stamps: list[int] = field(default_factory=list)
@@ -63,7 +63,7 @@ class _Moving:
 
 @dataclass(frozen=True, slots=True)
 class _Static:
-    """A frame's transform to its parent at any time, as a 4 x 4 matrix. stamp_ns: when it was said."""
+    """A frame's static transform to its parent, as a 4 x 4 matrix. stamp_ns: when it was published."""
 
     parent: str
     stamp_ns: int
@@ -71,7 +71,7 @@ class _Static:
 
 
 class TransformTree:
-    """One robot's frames of reference. A frame has one parent, the one that was said last, as in ROS.
+    """One robot's frames of reference. A frame has one parent, the one published last, as in ROS.
 
     Static transforms are sent again whenever one is added. Of a frame that is said to be static and to move, the later
     stamp counts, whatever arrives first: a static transform that is no newer than the moving ones is left out; a newer
@@ -90,14 +90,14 @@ class TransformTree:
         self.rejected: Counter[str] = Counter()
 
     def take(self, transforms: Transforms, *, static: bool) -> None:
-        """Take what came on `tf`, or `static`, on `tf_static`."""
+        """Add transforms from `tf`, or if `static`, from `tf_static`."""
         for transform in transforms.transforms:
             self.add(transform, static=static)
         self._budget.hold(self, self._samples * SAMPLE_BYTES)
         self._budget.settle()
 
     def add(self, transform: Transform, *, static: bool) -> None:
-        """Take one transform; one that means nothing is counted in `rejected`."""
+        """Add one transform; invalid ones are counted in `rejected`."""
         parent, child = frame_name(transform.frame_id), frame_name(transform.child_frame_id)
         reason = _fault(parent, child, transform)
         if reason is None and self._is_one_too_many(child):
@@ -116,13 +116,13 @@ class TransformTree:
             self._move(child, parent, transform.stamp_ns, (translation, rotation))
 
     def flush(self) -> None:
-        """Forget everything that is not static: the clock is another one."""
+        """Forget all transforms that are not static: the clock has changed."""
         self._moving.clear()
         self._samples = 0
         self._budget.hold(self, 0)
 
     def shed(self) -> None:
-        """Let go of the older half of what is not static; a frame of which nothing is left is not known any more."""
+        """Drop the older half of the moving transforms; a frame without any left becomes unknown."""
         before = self._samples
         for moving in self._moving.values():
             self._forget(moving, (len(moving.stamps) + 1) // 2)
@@ -164,14 +164,14 @@ class TransformTree:
         return not known and len(self._moving) + len(self._static) >= MAX_FRAMES
 
     def _edge(self, child: str, stamp_ns: int) -> _Moving | _Static | None:
-        """Return which transforms from a frame to its parent count at a stamp."""
+        """Return the transforms from a frame to its parent that apply at a stamp."""
         moving, static = self._moving.get(child), self._static.get(child)
         if moving is None or (static is not None and stamp_ns > moving.stamps[-1] + SILENT_NS):
             return static
         return moving
 
     def _ancestry(self, name: str, stamp_ns: int) -> tuple[list[str], list[str]]:
-        """Return a frame, its parent, its parent's parent and so on; and those of them that are their own ancestors."""
+        """Return a frame with all its ancestors, and the frames that are their own ancestors."""
         found = {name: None}
         while (edge := self._edge(name, stamp_ns)) is not None:
             name = edge.parent
@@ -230,19 +230,19 @@ class TransformTree:
         self._forget(moving, max(old, len(moving.stamps) - share))
 
     def _forget(self, moving: _Moving, count: int) -> None:
-        """Forget the oldest."""
+        """Drop the oldest transforms."""
         if count > 0:
             del moving.stamps[:count], moving.poses[:count]
             self._samples -= count
 
 
 def frame_name(frame_id: str) -> str:
-    """Return a frame's name without the slash that ROS once put before it."""
+    """Return a frame's name without the leading slash of old ROS versions."""
     return frame_id.removeprefix("/")
 
 
 def _fault(parent: str, child: str, transform: Transform) -> str | None:
-    """Say what is wrong with a transform."""
+    """Return why a transform is invalid, or an empty string."""
     if not (parent and child):
         return NAMELESS
     if parent == child:
@@ -255,7 +255,7 @@ def _fault(parent: str, child: str, transform: Transform) -> str | None:
 
 
 def _at(child: str, edge: _Moving, stamp_ns: int) -> Numbers:
-    """Return the transform from a frame that moves to its parent at a stamp.
+    """Return the transform from a moving frame to its parent at a stamp.
 
     Raises:
         TooOldError: the stamp is before the first that is kept.
@@ -312,7 +312,7 @@ def between(target: Header, source: Header, tree: TransformTree) -> NDArray[np.f
 
 
 def _through_fixed(target: Header, source: Header, tree: TransformTree) -> NDArray[np.float64] | None:
-    """Return the transform by way of a frame that is known at both stamps; None if there is none."""
+    """Return the transform through a frame known at both stamps; None if there is none."""
     for fixed in FIXED_FRAMES:
         try:
             there = tree.lookup(fixed, target.frame_id, target.stamp_ns)

@@ -1,4 +1,4 @@
-"""ROS 1 bags of simulated robots, written without ROS and faster than real time."""
+"""Writes ROS 1 bags of simulated robots, without ROS and faster than real time."""
 
 import asyncio
 import shutil
@@ -20,18 +20,18 @@ from services.simulator.robot import Robot
 from services.simulator.topics import Topic
 
 ROBOT: Final = "{robot}"
-"""In a bag's name it stands for a robot's: each then has a bag of its own."""
+"""The placeholder for a robot's name in a bag's name: each robot then has its own bag."""
 UNFINISHED: Final = ".active"
-"""What rosbag, too, puts behind the name of a bag that is still being written."""
+"""The suffix of a bag that is still being written, as in rosbag."""
 
 
 def one_each(bag: Path) -> bool:
-    """Whether each robot has a bag of its own."""
+    """Whether each robot has its own bag."""
     return ROBOT in bag.name
 
 
 class Recording:
-    """The bags of some robots. `close` makes what was written whole, after an interruption too."""
+    """The bags of some robots. `close` completes what was written, even after an interruption."""
 
     def __init__(self, bag: Path) -> None:
         self._bag = bag
@@ -40,7 +40,7 @@ class Recording:
         self._connections: dict[tuple[str, Topic], tuple[Path, Connection]] = {}
 
     def open(self, robots: Iterable[Robot]) -> None:
-        """Begin the bags of these robots.
+        """Open the bags of these robots.
 
         Raises:
             BagError: a bag is there already or cannot be written; then none is left behind.
@@ -67,7 +67,7 @@ class Recording:
                 self._begun.add(path)
 
     def close(self) -> None:
-        """Write the indices and give the bags their names. A bag of which nothing was written is none.
+        """Write the indices and give the bags their final names. Empty bags are removed.
 
         Raises:
             BagError: they cannot be written; what there is of them keeps its unfinished name.
@@ -94,7 +94,7 @@ class Recording:
     def _open(self, path: Path) -> Writer:
         with self._explained():
             if path.exists():
-                raise BagError(f"--bag {path}: is there already")
+                raise BagError(f"--bag {path}: already exists")
             writer = Writer(path.with_name(path.name + UNFINISHED))
             writer.open()
         self._writers[path] = writer
@@ -131,7 +131,7 @@ SECOND_NS: Final = 1_000_000_000
 
 
 async def write_bags(bag: Path, robots: Sequence[Robot], *, hz: float, instants: int, executor: Executor) -> None:
-    """Write that many instants of every robot. Interrupted, the bags end there. `executor` measures.
+    """Write this many instants of every robot. If interrupted, the bags end there. `executor` measures.
 
     Raises:
         BagError: a bag cannot be written, or would not fit.
@@ -157,7 +157,7 @@ async def write_bags(bag: Path, robots: Sequence[Robot], *, hz: float, instants:
 
 
 def check_room(bag: Path, needed: int) -> None:
-    """Refuse what would not fit.
+    """Raise if the bag would not fit.
 
     Raises:
         BagError: there is no folder for the bag, or less room in it than `needed` bytes.
@@ -168,8 +168,8 @@ def check_room(bag: Path, needed: int) -> None:
         raise BagError(f"--bag {bag}: {bag.parent}: {error.strerror}") from error
     if needed > free:
         raise BagError(
-            f"--bag {bag}: needs about {_readable(needed)} of the {_readable(free)} that are free there:"
-            " fewer --robots, --seconds or --streams need less"
+            f"--bag {bag}: needs about {_readable(needed)}, but {_readable(free)} are free there:"
+            " use fewer --robots, --seconds or --streams"
         )
 
 
@@ -178,7 +178,7 @@ def _readable(size: int) -> str:
 
 
 def _turns(robots: Sequence[Robot], hz: float, instants: int) -> Iterator[tuple[Robot, int, int]]:
-    """Yield who measures next, its how manieth instant that is, and when: the robots take turns."""
+    """Yield the robot that measures next, the number of its instant, and its time: the robots take turns."""
     for turn in range(instants * len(robots)):
         number, which = divmod(turn, len(robots))
         yield robots[which], number, START_NS + round(turn * SECOND_NS / hz / len(robots))

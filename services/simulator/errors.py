@@ -1,8 +1,8 @@
-"""What keeps robots from being simulated."""
+"""Errors of the simulator."""
 
 
 class SimulatorError(Exception):
-    """What was asked for cannot be done; the message is one line for the user."""
+    """The request cannot be carried out; the message is one line for the user."""
 
 
 class MasterError(SimulatorError):

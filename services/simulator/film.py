@@ -1,4 +1,4 @@
-"""A robot's drive as a loop of measurements, each made when it is first needed and kept while there is room. Pure."""
+"""A robot's drive as a loop of measurements, made on first use and cached within a memory limit. Pure."""
 
 import sys
 from collections.abc import Collection, Hashable
@@ -34,13 +34,13 @@ Floats = NDArray[np.float32]
 Image = NDArray[np.uint8]
 
 EXPOSURE_S: Final = 0.008
-"""As in a lit hall; 30 images a second leave a D435's colour camera no more than 33 ms."""
+"""Exposure time in a lit hall; at 30 images a second a D435's colour camera has no more than 33 ms."""
 LONGEST_RAD: Final = float(np.radians(1.0))
 """The longest streak, seen from the camera: automatic exposure is shorter where the picture moves faster."""
 
 
 def smeared(seen: Rendering, camera: Camera, opened: Pose, closed: Pose) -> Image:
-    """Return RGB (h, w, 3) of a shutter that is open from one pose to another, `seen` from halfway between them.
+    """Return RGB (h, w, 3) of a shutter open from one pose to another; `seen` is rendered halfway between them.
 
     Each pixel is smeared as its own surface moves. Where no streak is longer than a pixel, it is the picture seen.
     """
@@ -62,7 +62,7 @@ def smeared(seen: Rendering, camera: Camera, opened: Pose, closed: Pose) -> Imag
 
 
 def streaks(depth: Floats, camera: Camera, opened: Pose, closed: Pose) -> tuple[Floats, Floats]:
-    """Return by how many pixels each pixel's surface goes to the right and down between two poses near each other.
+    """Return the motion in pixels, right and down, of each pixel's surface between two nearby poses.
 
     depth: metres along the optical axis, (h, w), 0 for what is too far away to have any.
     """
@@ -93,7 +93,7 @@ class _Kept:
 
 
 class Store:
-    """Keeps arrays under their keys up to `limit` bytes in all; what would go beyond is not kept.
+    """Caches arrays by key, up to `limit` bytes in all; arrays beyond that are not kept.
 
     First come, first kept: of a loop that does not fit a part is kept, where keeping the newest would keep nothing.
     """
@@ -123,7 +123,7 @@ Array = NDArray[Any]
 
 
 class Part(StrEnum):
-    """What is measured at an instant: RGB (h, w, 3) uint8; depth (h, w) uint16 mm; a lidar's points."""
+    """The measurements of an instant: RGB (h, w, 3) uint8; depth (h, w) uint16 mm; a lidar's points."""
 
     COLOR = auto()
     DEPTH = auto()
@@ -145,7 +145,7 @@ class Equipment:
 
     @property
     def depth_camera(self) -> Camera:
-        """The camera that depth is seen through."""
+        """The camera of the depth image."""
         return self.depth or self.color
 
     @property
@@ -172,15 +172,15 @@ class Film:
         self._from_camera = np.linalg.inv(self.rig.on_robot(COLOR_OPTICAL))
 
     def fraction(self, number: int) -> float:
-        """How much of the round is behind the robot."""
+        """The fraction of the round at an instant."""
         return number % self.frames / self.frames
 
     def robot(self, number: int) -> Placement:
-        """Where `base_link` is in the map."""
+        """The pose of `base_link` in the map."""
         return of_pose(self._drive.pose(self.fraction(number))) @ self._from_camera
 
     def measure(self, number: int, parts: Collection[Part]) -> dict[Part, Array]:
-        """Return these parts of an instant; it starts over after the last. Arrays may not be writable."""
+        """Return these parts of an instant; the drive repeats after the last. Arrays may be read-only."""
         index = number % self.frames
         kept = {part: self.store.get((self.seed, index, part)) for part in parts}
         missing = [part for part, array in kept.items() if array is None]

@@ -1,4 +1,4 @@
-"""Which robot drives where."""
+"""Assigns robots to warehouses and drives."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -27,7 +27,7 @@ def equipment(settings: SimulatorSettings) -> Equipment:
 
 
 def warehouse_seed(seed: int, number: int = 0) -> int:
-    """Return the seed of one of a fleet's warehouses, of which the first has number 0."""
+    """Return the seed of a warehouse of a fleet, counted from 0."""
     return seed + 1 + number
 
 

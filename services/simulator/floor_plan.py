@@ -1,4 +1,4 @@
-"""A warehouse's floor plan, as ROS's map_server reads it: what a lidar would have mapped, in the frame `map`.
+"""Writes a warehouse's floor plan for ROS's map_server, as a lidar would map it, in the frame `map`.
 
 Source: http://wiki.ros.org/map_server#YAML_format
 """
@@ -33,7 +33,7 @@ def write_floor_plan(path: Path, seed: int) -> None:
     """
     image = path.with_suffix(".pgm")
     if there := next((file for file in (path, image) if file.exists()), None):
-        raise FloorPlanError(f"--floor-plan {path}: {there} is there already")
+        raise FloorPlanError(f"--floor-plan {path}: {there} already exists")
     clearance = Clearance.of(generate(seed))
     pixels = np.where(clearance.grid[::-1] > 0, FREE, OCCUPIED).astype(np.uint8)  # the first row is the farthest
     rows, columns = pixels.shape

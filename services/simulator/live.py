@@ -26,7 +26,7 @@ class LiveRobot:
 
     @property
     def sent(self) -> int:
-        """How many colour images were handed to subscribers so far."""
+        """The number of colour images handed to subscribers so far."""
         return sum(
             publication.counters.sent
             for topic, publication in self._publications.items()
@@ -34,7 +34,7 @@ class LiveRobot:
         )
 
     async def run(self, node: Node, executor: Executor) -> None:
-        """Drive for ever. Only what somebody subscribes to is measured and sent."""
+        """Drive until cancelled. Only topics with subscribers are measured and sent."""
         async with AsyncExitStack() as stack:
             self._publications = {
                 topic: await stack.enter_async_context(

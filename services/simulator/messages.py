@@ -1,4 +1,4 @@
-"""ROS messages of what simulated sensors measure. Pure."""
+"""Builds ROS messages from simulated measurements. Pure."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -22,7 +22,7 @@ DATATYPES: Final = {"uint8": 2, "uint16": 4, "uint32": 6, "float32": 7}
 
 @dataclass(frozen=True, slots=True)
 class Head:
-    """What a message's header says. stamp: nanoseconds."""
+    """A message's header. stamp: nanoseconds."""
 
     seq: int
     stamp: int
@@ -34,7 +34,7 @@ class Head:
 
 
 def image_message(head: Head, pixels: NDArray[Any]) -> bytes:
-    """Turn RGB (height, width, 3), or depth (height, width) in uint16 mm or float32 m, into a sensor_msgs/Image."""
+    """Convert RGB (height, width, 3), or depth (height, width) in uint16 mm or float32 m, to a sensor_msgs/Image."""
     rows = np.ascontiguousarray(pixels)
     secs, nsecs = divmod(head.stamp, 1_000_000_000)
     return encode_image(
@@ -54,7 +54,7 @@ def image_message(head: Head, pixels: NDArray[Any]) -> bytes:
 
 
 def cloud_message(head: Head, points: NDArray[Any]) -> bytes:
-    """Turn structured points (height, width), whose fields become the cloud's, into a sensor_msgs/PointCloud2."""
+    """Convert structured points (height, width), whose fields become the cloud's, to a sensor_msgs/PointCloud2."""
     rows = np.ascontiguousarray(points)
     cloud = PointCloud(
         stamp=head.stamp,
@@ -77,7 +77,7 @@ def _fields(points: np.dtype[Any]) -> tuple[PointField, ...]:
 
 
 def info_message(head: Head, camera: Camera) -> bytes:
-    """Turn a camera without distortion into a sensor_msgs/CameraInfo."""
+    """Convert a camera without distortion to a sensor_msgs/CameraInfo."""
     matrix = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
     whole = new_message("sensor_msgs/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     info = new_message(
@@ -98,7 +98,7 @@ def info_message(head: Head, camera: Camera) -> bytes:
 
 
 def transforms_message(stamp: int, joints: Iterable[tuple[str, str, Placement]]) -> bytes:
-    """Turn (parent, child, where the child is in it) into a tf2_msgs/TFMessage."""
+    """Convert (parent, child, pose of the child in the parent) to a tf2_msgs/TFMessage."""
     return serialise(TF_MESSAGE, new_message(TF_MESSAGE, transforms=[_transform(stamp, *joint) for joint in joints]))
 
 
@@ -151,7 +151,7 @@ def packed(picture: NDArray[np.uint8]) -> NDArray[np.uint32]:
 def projected(
     rgb: NDArray[np.uint32], color: Camera, metres: NDArray[np.float32], camera: Camera, placement: Placement
 ) -> NDArray[np.uint32]:
-    """Return for each pixel of depth the packed colour that is seen there, white outside the picture.
+    """Return the packed colour seen at each pixel of depth, white outside the colour image.
 
     placement: where the depth camera's optical frame is in the colour camera's.
     """
@@ -176,5 +176,5 @@ def ringed_points(turn: Turn) -> NDArray[Any]:
 
 
 def metres(depth: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """Return depth in metres, NaN where there is none, of whole millimetres, 0 for none."""
+    """Convert depth in whole millimetres, 0 for none, to metres, NaN for none."""
     return as_32fc1(depth.astype(np.float32) / np.float32(1000))

@@ -1,4 +1,4 @@
-"""Where a robot's sensors are: frames named as a RealSense's and a Velodyne's drivers name them. Pure.
+"""Places sensors on a robot, with frames named as by RealSense's and Velodyne's drivers. Pure.
 
 A placement is a 4 x 4 matrix (float64, metres) that takes points of a frame to its parent's.
 """
@@ -26,14 +26,14 @@ LIDAR: Final = "velodyne"
 
 CAMERA_FORWARD_M: Final = 0.15
 COLOR_LEFT_M: Final = 0.015
-"""As far as a D435's colour sensor is beside its depth sensor."""
+"""Distance between a D435's colour sensor and its depth sensor."""
 LIDAR_ABOVE_CAMERA_M: Final = 0.3
 ODOMETRY_ERROR_M: Final = 0.2
 ODOMETRY_ERROR_RAD: Final = 0.05
 
 
 def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, *, yaw: float = 0.0, pitch: float = 0.0) -> Placement:
-    """A frame at (x, y, z), turned by `yaw` about z and then by `pitch` about its y: down, as ROS has it."""
+    """A frame at (x, y, z), rotated by `yaw` about z and then by `pitch` about its y: positive is down, as in ROS."""
     cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
     return np.array([[cy * cp, -sy, cy * sp, x], [sy * cp, cy, sy * sp, y], [-sp, 0, cp, z], [0, 0, 0, 1]], np.float64)
 
@@ -44,12 +44,12 @@ OPTICAL: Final = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0,
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rig:
-    """How sensors sit on a robot: by frame its parent and its placement there."""
+    """The mount of a robot's sensors: parent frame and placement of each frame."""
 
     joints: Mapping[str, tuple[str, Placement]]
 
     def on_robot(self, frame: str) -> Placement:
-        """Where a frame is in `base_link`."""
+        """The pose of a frame in `base_link`."""
         found = np.eye(4)
         while frame != BASE:
             frame, joint = self.joints[frame]
@@ -57,12 +57,12 @@ class Rig:
         return found
 
     def static(self) -> list[tuple[str, str, Placement]]:
-        """Each joint as parent, child, and where the child is in the parent."""
+        """Each joint as parent, child, and pose of the child in the parent."""
         return [(parent, child, joint) for child, (parent, joint) in self.joints.items()]
 
 
 def rig(camera_height: float, camera_pitch: float) -> Rig:
-    """The sensors of a robot whose camera is so many metres above the floor and looks so many radians above level."""
+    """The sensors of a robot with a camera at this height (metres) and this pitch above level (radians)."""
     return Rig(
         {
             CAMERA: (BASE, at(CAMERA_FORWARD_M, 0, camera_height, pitch=-camera_pitch)),
@@ -76,19 +76,19 @@ def rig(camera_height: float, camera_pitch: float) -> Rig:
 
 
 def of_pose(pose: Pose) -> Placement:
-    """Where an optical frame is in the map."""
+    """The pose of an optical frame in the map."""
     found = np.eye(4)
     found[:3, :3], found[:3, 3] = pose.rotation, pose.position
     return found
 
 
 def to_pose(placement: Placement) -> Pose:
-    """What is rendered from a sensor's placement in the map."""
+    """The camera pose to render from, for a sensor's placement in the map."""
     return Pose(placement[:3, 3].astype(np.float32), placement[:3, :3].astype(np.float32))
 
 
 def odometry_error(fraction: float) -> Placement:
-    """Where `odom` is in the map after `fraction` of a round: it drifts, and is back at the round's end."""
+    """The pose of `odom` in the map after `fraction` of a round: it drifts, and returns at the round's end."""
     turn = 2 * np.pi * fraction
     drift = ODOMETRY_ERROR_M * np.sin(turn)
     return at(drift, ODOMETRY_ERROR_M * (1 - np.cos(turn)), yaw=ODOMETRY_ERROR_RAD * np.sin(turn))

@@ -1,4 +1,4 @@
-"""The simulator process: masters where none is given, and a node per robot; or a bag."""
+"""The simulator process: starts ROS masters unless one is given, and a node per robot; or writes bags."""
 
 import asyncio
 import json
@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 
 
 async def prerender(fleet: Iterable[Robot], executor: Executor) -> list[Robot]:
-    """Make the robots and measure all that their topics need; `executor` does it, while progress is shown."""
+    """Make the robots and measure everything their topics need on `executor`, with progress shown."""
     loop = asyncio.get_running_loop()
     robots = await loop.run_in_executor(executor, list, fleet)
     films = {robot.film: robot.parts for robot in robots}
@@ -36,9 +36,9 @@ async def prerender(fleet: Iterable[Robot], executor: Executor) -> list[Robot]:
                 await loop.run_in_executor(executor, film.measure, number, parts)
                 done()
     stores = {film.store for film in films}
-    log.info("keeps %.0f MiB", sum(store.size for store in stores) / 2**20)
+    log.info("rendered; %.0f MiB kept", sum(store.size for store in stores) / 2**20)
     if any(store.refused for store in stores):
-        log.warning("not everything fits in --memory-mib: what does not is rendered again each time")
+        log.warning("--memory-mib: not everything fits; the rest is rendered again each time")
     return robots
 
 
@@ -120,6 +120,6 @@ async def _drive(
 
 
 async def _at(node: Node, live: LiveRobot, executor: Executor) -> None:
-    """Drive a robot; all unregister at the same time when they are stopped."""
+    """Drive a robot; when stopped, all robots unregister at the same time."""
     async with node:
         await live.run(node, executor)

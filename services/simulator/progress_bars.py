@@ -1,4 +1,4 @@
-"""Progress of a long piece of work: bars on a terminal, a line now and then anywhere else."""
+"""Shows the progress of long work: bars on a terminal, otherwise an occasional line."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -35,7 +35,7 @@ class Lines:
         self._next_s = 0.0
 
     def __call__(self, stage: str, done: int, total: int) -> None:
-        """Say how far the stage is, if it is time to."""
+        """Write the stage's progress if a line is due."""
         now = self._clock()
         if stage != self._stage:
             self._stage, self._began = stage, (now, done)
@@ -60,7 +60,7 @@ def _clocked(seconds: float) -> str:
 
 @contextmanager
 def progress(console: Console) -> Iterator[Report]:
-    """Show on the console how far any number of stages are, for as long as the context lasts."""
+    """Show the progress of any number of stages on the console while the context lasts."""
     if not console.is_terminal:
         yield Lines(console)
         return
@@ -78,7 +78,7 @@ def progress(console: Console) -> Iterator[Report]:
 
 @contextmanager
 def bar(title: str, total: int) -> Iterator[Callable[[], None]]:
-    """Show on stderr how much of `total` is done; what is yielded is called once for each piece."""
+    """Show on stderr how much of `total` is done; call the yielded function once per piece."""
     with progress(Console(stderr=True)) as report:
         done = 0
 

@@ -1,4 +1,4 @@
-"""A robot that is not there: what its sensors' drivers would publish at an instant. Pure."""
+"""A simulated robot: the messages of its sensors' drivers at an instant. Pure."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Final, assert_never
@@ -26,11 +26,11 @@ NEEDED: Final[Mapping[Content, frozenset[Part]]] = {
     Content.POINTS: frozenset({Part.COLOR, Part.DEPTH}),
     Content.LIDAR: frozenset({Part.SWEEP}),
 }
-"""What has to be measured for a message; for the others nothing."""
+"""The measurements that a message needs; other messages need none."""
 
 
 class Robot:
-    """Drives along a film, `ahead` instants ahead of one that starts at its beginning.
+    """Drives along a film, `ahead` instants ahead of its beginning.
 
     namespace: `` or like `/r1`; its topics are below it.
     """
@@ -48,11 +48,11 @@ class Robot:
 
     @property
     def parts(self) -> frozenset[Part]:
-        """What has to be measured for its topics."""
+        """The measurements that its topics need."""
         return _parts(self.topics)
 
     def publish(self, number: int, wanted: Collection[Topic], clock: Callable[[], int]) -> list[tuple[Topic, bytes]]:
-        """Return the wanted topics' messages of an instant, transforms first; all have the stamp that `clock` gives.
+        """Return the messages of the wanted topics at an instant, transforms first, all with the stamp from `clock`.
 
         The clock is read once all is measured: simulating takes time that measuring does not.
         """
@@ -97,7 +97,7 @@ class Robot:
         return colored_points(depth, sensors.depth_camera, rgb)
 
     def _color_of_depth(self) -> Placement:
-        """Where depth's optical frame is in that of colour."""
+        """The pose of depth's optical frame in that of colour."""
         rig = self.film.rig
         return np.linalg.inv(rig.on_robot(COLOR_OPTICAL)) @ rig.on_robot(DEPTH_OPTICAL)
 

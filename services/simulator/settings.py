@@ -13,25 +13,25 @@ from services.simulator.topics import Stream
 
 
 def master_uri() -> str | None:
-    """Return ROS_MASTER_URI, if set: the real master to register at."""
+    """Return ROS_MASTER_URI, if set: the existing master to register at."""
     return os.environ.get("ROS_MASTER_URI") or None
 
 
 def _named(bag: Path | None) -> Path | None:
-    """Refuse a bag that is called after something else than its robot."""
+    """Reject a bag name with a placeholder other than {robot}."""
     if bag is not None and (strange := re.findall(r"\{(?!robot\}).*?\}", bag.name)):
-        raise ValueError(f"{strange[0]} stands for nothing; {{robot}} does")
+        raise ValueError(f"unknown placeholder {strange[0]}; use {{robot}}")
     return bag
 
 
 def _described(path: Path | None) -> Path | None:
     if path is not None and path.suffix not in (".yaml", ".yml"):
-        raise ValueError("a floor plan's name ends in .yaml")
+        raise ValueError("the name of a floor plan must end in .yaml")
     return path
 
 
 class SimulatorSettings(BaseModel):
-    """Publish the sensors of robots that are not there, in rendered warehouses, on a ROS 1 graph or into bags.
+    """Publish the sensors of simulated robots, in rendered warehouses, on a ROS 1 graph or into bags.
 
     A robot has a colour and depth camera (/camera/..., as RealSense's driver names it), a spinning lidar
     (/velodyne_points), /tf and /tf_static; all that is measured at an instant has the same stamp. Only what somebody
@@ -44,60 +44,60 @@ class SimulatorSettings(BaseModel):
     that is interrupted is whole as far as it goes.
     """
 
-    robots: Annotated[int, Field(ge=1, le=100, description="how many robots; they are called r1, r2, ...")] = 1
-    hz: Annotated[float, Field(ge=0.001, le=60, description="instants per second and robot")] = 2.0
-    streams: Annotated[list[Stream], Field(min_length=1, description="what the robots publish beside transforms")] = (
+    robots: Annotated[int, Field(ge=1, le=100, description="number of robots, named r1, r2, ...")] = 1
+    hz: Annotated[float, Field(ge=0.001, le=60, description="measurements per second and robot")] = 2.0
+    streams: Annotated[list[Stream], Field(min_length=1, description="what the robots publish besides transforms")] = (
         list(Stream)
     )
-    width: Annotated[int, Field(ge=16, le=4096, description="pixels in a row")] = 640
-    height: Annotated[int, Field(ge=16, le=4096, description="rows of an image")] = 480
+    width: Annotated[int, Field(ge=16, le=4096, description="width of images in pixels")] = 640
+    height: Annotated[int, Field(ge=16, le=4096, description="height of images in pixels")] = 480
     align_depth: Annotated[
         bool,
-        Field(description="depth is registered to colour; else it has a place, a field of view and a size of its own"),
+        Field(description="register depth to colour; otherwise it has its own position, field of view and size"),
     ] = True
     depth_encoding: Annotated[
         Literal["16UC1", "32FC1"], Field(description="depth in whole millimetres, or in metres")
     ] = "16UC1"
-    depth_width: Annotated[int, Field(ge=16, le=4096, description="pixels in a row of depth not registered")] = 848
-    depth_height: Annotated[int, Field(ge=16, le=4096, description="rows of depth not registered")] = 480
-    frames: Annotated[int, Field(ge=1, le=10_000, description="instants of a drive; it starts over after the last")] = (
-        120
-    )
-    seed: Annotated[int, Field(ge=0, description="warehouse n is that of seed + n")] = 0
+    depth_width: Annotated[int, Field(ge=16, le=4096, description="width of unregistered depth in pixels")] = 848
+    depth_height: Annotated[int, Field(ge=16, le=4096, description="height of unregistered depth in pixels")] = 480
+    frames: Annotated[
+        int, Field(ge=1, le=10_000, description="measurements per drive, which repeats after the last")
+    ] = 120
+    seed: Annotated[int, Field(ge=0, description="seed of the warehouses; warehouse n has seed + n")] = 0
     warehouses: Annotated[
-        int, Field(ge=1, le=100, description="how many; with more robots some follow each other through one")
+        int, Field(ge=1, le=100, description="number of warehouses; with more robots, some share one")
     ] = 3
     prerender: Annotated[
-        bool, Field(description="render everything before it starts, not each thing when first subscribed to")
+        bool, Field(description="render everything before the start instead of on first subscription")
     ] = False
     memory_mib: Annotated[
-        int, Field(ge=1, description="keep at most so much of what was rendered; the rest is rendered again")
+        int, Field(ge=1, description="memory for rendered measurements; the rest is rendered again")
     ] = 512
     seconds: Annotated[
         float | None,
-        Field(gt=0, le=31_536_000, description="stop by itself; a bag has one round of the drive unless given"),
+        Field(gt=0, le=31_536_000, description="stop after this time; by default a bag holds one round of the drive"),
     ] = None
     bag: Annotated[
         Path | None,
         AfterValidator(_named),
-        Field(description="write this ROS 1 bag instead; {robot} in its name gives each robot its own"),
+        Field(description="write this ROS 1 bag instead of publishing; {robot} in its name makes one per robot"),
     ] = None
     floor_plan: Annotated[
         Path | None,
         AfterValidator(_described),
-        Field(description="also write the first warehouse's floor plan, for map_server: this YAML, a PGM beside it"),
+        Field(description="also write the first warehouse's floor plan for map_server: this YAML and a PGM beside it"),
     ] = None
     ros_master: Annotated[str, AfterValidator(validate_master_uri)] | None = Field(
         default_factory=master_uri,
         validate_default=True,
-        description="a real master to register at; ROS_MASTER_URI unless given",
+        description="URI of an existing ROS master to register at; by default ROS_MASTER_URI",
     )
     master_port: Annotated[
         int,
         Field(
             ge=0,
             le=65_435,
-            description="the first robot's own master listens here, the next ones' on the next ports; 0 for any",
+            description="port of the first robot's ROS master; the others use the next ports; 0 for free ones",
         ),
     ] = 11_311
     ros_host: Annotated[

@@ -1,4 +1,4 @@
-"""Which ROS topics a simulated robot publishes, named as the drivers of real sensors name them. Pure."""
+"""The ROS topics of a simulated robot, named as by the drivers of real sensors. Pure."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ TF_MESSAGE: Final = "tf2_msgs/TFMessage"
 
 
 class Stream(StrEnum):
-    """What can be asked of a robot. Transforms come with all of them."""
+    """Streams that a robot can publish. Transforms come with all of them."""
 
     COLOR = auto()
     DEPTH = auto()
@@ -21,7 +21,7 @@ class Stream(StrEnum):
 
 
 class Content(StrEnum):
-    """What a topic's messages hold."""
+    """The content of a topic's messages."""
 
     COLOR = auto()
     COLOR_INFO = auto()
@@ -65,7 +65,7 @@ TF_TOPICS: Final = (
 
 
 def topics(streams: Sequence[Stream], *, aligned: bool) -> list[Topic]:
-    """Return the topics of a robot whose depth is registered to its colour or not."""
+    """Return the topics of a robot with or without depth registered to colour."""
     return [*TF_TOPICS, *_sensors(streams, aligned=aligned)]
 
 

@@ -1,1 +1,1 @@
-"""The command line: one console command, a subcommand per process, settings from options, environment and file."""
+"""The command line: one console command with a subcommand per process; settings from options, environment, file."""

@@ -8,11 +8,11 @@ from typing import Final, NoReturn
 from services.toolbox import stdio
 
 LASTING: Final = frozenset({"gateway", "detector", "distance", "cloud", "monitor", "simulate", "demo"})
-"""Commands that run until they are told to stop. The others are not done when they are; see `process.run`."""
+"""Commands that run until stopped. The others are interrupted, not done, when stopped; see `process.run`."""
 
 
 def console() -> NoReturn:
-    """Run the command line of this process and leave it. Told to stop before there is anything to end, it is left."""
+    """Run the command line and exit. A signal before there is anything to stop exits at once."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _leave_at_once)
     stdio.prepare()

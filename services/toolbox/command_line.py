@@ -29,7 +29,7 @@ def main(argv: Sequence[str]) -> int:
     """Run the subcommand that `argv` names and return the exit code: 0 done, 1 failed, 2 called wrongly."""
     try:
         return _run_named(list(argv))
-    except BrokenPipeError:  # whoever reads what is printed has read enough
+    except BrokenPipeError:  # the reader of the output closed it early
         return 0
     except PrintError as error:
         return process.lost(error)
@@ -93,7 +93,7 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
 
 
 def _doubts(model: type[BaseModel]) -> Iterator[str]:
-    """Yield a line for each variable that is nearly one of these settings and is none of any command."""
+    """Yield a line for each variable that resembles one of these settings but belongs to no command."""
     known = {name.upper() for name in names_of(model)}
     near = {name: hint for name in sorted(variables() - known) if (hint := meant(name, known, ENV_PREFIX))}
     every = _every_name() if near else set()

@@ -1,4 +1,4 @@
-"""The subcommands: what each one is for, its settings and what it runs, imported only when it is asked for."""
+"""The subcommands: purpose, settings and entry point of each, imported only when used."""
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Command:
         return found
 
     def options_of(self, arguments: Sequence[str]) -> Sequence[str]:
-        """Return the options that the arguments are."""
+        """Return the options that the arguments stand for."""
         given = list(takewhile(lambda argument: not argument.startswith("-"), arguments[: len(self.positional)]))
         named = [option for name, value in zip(self.positional, given, strict=False) for option in (f"--{name}", value)]
         options = [*named, *arguments[len(given) :]]
@@ -50,7 +50,7 @@ class Command:
         return found
 
     def ends(self, settings: BaseModel) -> bool:
-        """Return whether it has an end of its own with these settings."""
+        """Return whether the command ends by itself with these settings."""
         return self.finite if isinstance(self.finite, bool) else getattr(settings, self.finite) is not None
 
     def load_run(self) -> Run:
@@ -59,7 +59,7 @@ class Command:
         return found
 
     def load_refusals(self) -> tuple[type[Exception], ...]:
-        """Import the errors that refuse settings."""
+        """Import the error types that reject settings."""
         return tuple(_load(refusal) for refusal in self.refusals)
 
 
@@ -71,7 +71,7 @@ def _load(reference: str) -> Any:
 COMMANDS: Final = (
     Command(
         "gateway",
-        "on each robot: ROS 1 camera topics onto Zenoh, and results back, while somebody wants them",
+        "on each robot: bridge ROS 1 camera topics to Zenoh, and results back, on demand",
         "gateway.settings:GatewaySettings",
         "gateway.process:run",
         refusals=("bus:BusError", "gateway.process:HostError"),
@@ -84,7 +84,7 @@ COMMANDS: Final = (
     ),
     Command(
         "doctor",
-        "on a robot: say in plain words why nothing flows, and what to do about it",
+        "on a robot: diagnose why no data flows, and how to mend it",
         "gateway.doctor.settings:DoctorSettings",
         "gateway.doctor.process:run",
         arguments="gateway.roslaunch_arguments:options_of",
@@ -97,7 +97,7 @@ COMMANDS: Final = (
     ),
     Command(
         "detector",
-        "anywhere: run a YOLO model on the cameras whose results somebody wants",
+        "anywhere: run a YOLO model on the cameras whose results are subscribed to",
         "services.detector.settings:DetectorSettings",
         "services.detector.process:run",
         refusals=("bus:BusError", "services.detector.model:ModelError"),
@@ -110,7 +110,7 @@ COMMANDS: Final = (
     ),
     Command(
         "distance",
-        "beside a gateway, or anywhere: how far away the objects are that a detector found, and where",
+        "beside a gateway, or anywhere: measure the distance and position of detected objects",
         "services.distance.settings:DistanceSettings",
         "services.distance.process:run",
         extra="distance",
@@ -141,7 +141,7 @@ COMMANDS: Final = (
     ),
     Command(
         "detect",
-        "say what is in an image, by a worker of the fleet or a model of this machine",
+        "detect the objects in an image, with a worker of the fleet or a model on this machine",
         "services.toolbox.detect.settings:DetectSettings",
         "services.toolbox.detect.process:run",
         refusals=("bus:BusError", "services.detector.model:ModelError"),
@@ -175,7 +175,7 @@ COMMANDS: Final = (
     ),
     Command(
         "users",
-        "say who may log in to the monitor's page and API",
+        "manage the users of the monitor's page and API",
         "services.monitor.users.settings:UsersSettings",
         "services.monitor.users.process:run",
         refusals=("services.monitor.history.errors:HistoryError", "services.monitor.users.process:UsersError"),
@@ -193,7 +193,7 @@ COMMANDS: Final = (
     ),
     Command(
         "history",
-        "write what a monitor has kept into a file: CSV or Parquet; look after the database",
+        "export a monitor's history to CSV or Parquet; maintain its database",
         "services.monitor.export.settings:ExportSettings",
         "services.monitor.export.process:run",
         refusals=("services.monitor.history.errors:HistoryError",),
@@ -209,7 +209,7 @@ COMMANDS: Final = (
     ),
     Command(
         "rules",
-        "try a rule file against what a monitor has kept",
+        "test a rule file against a monitor's history",
         "services.monitor.rules.settings:RulesSettings",
         "services.monitor.rules.process:run",
         refusals=("services.monitor.history.errors:HistoryError", "services.monitor.rules.loading:RuleFileError"),
@@ -233,7 +233,7 @@ COMMANDS: Final = (
     ),
     Command(
         "simulate",
-        "robots that are not there: ROS 1 sensors in a rendered warehouse, live or as bags",
+        "simulate robots: ROS 1 sensors in a rendered warehouse, live or as bags",
         "services.simulator.settings:SimulatorSettings",
         "services.simulator.process:run",
         refusals=("services.simulator.errors:SimulatorError",),
@@ -247,7 +247,7 @@ COMMANDS: Final = (
     ),
     Command(
         "train",
-        "make the shipped model from nothing: render, train, validate, write weights and card",
+        "train the shipped model from scratch: render, train, validate, write weights and card",
         "services.training.settings:TrainingSettings",
         "services.toolbox.train.process:run",
         refusals=("services.training.files:TrainingError",),
@@ -260,7 +260,7 @@ COMMANDS: Final = (
     ),
     Command(
         "demo",
-        "all of it on this machine: simulated robots, gateways, detector and monitor",
+        "run everything on this machine: simulated robots, gateways, detector and monitor",
         "services.toolbox.demo.settings:DemoSettings",
         "services.toolbox.demo.process:run",
         extra="all",

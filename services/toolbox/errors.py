@@ -1,4 +1,4 @@
-"""What is wrong with how a command was called. Pure."""
+"""Errors of how a command was called. Pure."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -6,15 +6,15 @@ from typing import Final
 
 
 class UsageError(Exception):
-    """A setting that is wrong; the message names it and fits on one line."""
+    """A setting is wrong; the message names it and fits on one line."""
 
 
 LIKENESS: Final = 0.8
-"""Of two names, as difflib has it: a letter more, less or other in five to ten."""
+"""Minimum similarity of two names by difflib: one letter more, less or different in five to ten."""
 
 
 def meant(name: str, known: Iterable[str], prefix: str = "") -> str:
-    """Return the end of a sentence that names the nearest known name; nothing where none is near.
+    """Return the end of a sentence that suggests the nearest known name; empty if none is near.
 
     prefix: what `name` begins with and the known ones are written with.
     """

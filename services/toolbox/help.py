@@ -1,4 +1,4 @@
-"""The help text of a command: what it does, how it is called, and every setting with its default. Pure."""
+"""Formats the help text of a command: purpose, usage, and every setting with its default. Pure."""
 
 import inspect
 import textwrap
@@ -14,15 +14,15 @@ from pydantic.fields import FieldInfo
 
 INDENT: Final = 26
 EXIT_CODES: Final = (
-    "Exit code: 0 when it is done, or runs until it is told to stop and was; 1 when it failed, 2 when it was called"
-    " wrongly, 128 and the signal's number when it was interrupted before it was done."
+    "Exit code: 0 when the command is done, or was stopped where it runs until stopped; 1 when it failed; 2 for a"
+    " usage error; 128 plus the signal's number when it was interrupted before it was done."
 )
 PLACEHOLDERS: Final = {str: "TEXT", int: "N", float: "NUMBER", Path: "FILE"}
 
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """How a command is called. positional: settings that the first arguments are for. examples: whole commands."""
+    """The usage of a command. positional: settings given as the first arguments. examples: whole commands."""
 
     prog: str
     positional: Sequence[str] = ()
@@ -30,7 +30,7 @@ class Usage:
 
 
 def help_text(model: type[BaseModel], common: type[BaseModel], usage: Usage, *, env_prefix: str, width: int) -> str:
-    """Describe a command by its settings model and what every command has in `common`.
+    """Describe a command by its settings model and the settings of every command, `common`.
 
     Settings of a base class with a `heading` are listed under it. Lines are at most `width` characters long where words
     allow it.
@@ -48,7 +48,7 @@ def help_text(model: type[BaseModel], common: type[BaseModel], usage: Usage, *, 
             "",
             *_paragraphs(
                 f"Each is also read from the environment ({env_prefix}LOG_LEVEL for --log-level) and from the file that"
-                " --config names; what is given here wins over the environment, and that over the file.",
+                " --config names; options override the environment, and the environment overrides the file.",
                 width,
             ),
             *_paragraphs(EXIT_CODES, width),
@@ -57,7 +57,7 @@ def help_text(model: type[BaseModel], common: type[BaseModel], usage: Usage, *, 
 
 
 def usage_line(model: type[BaseModel], usage: Usage) -> str:
-    """Say in which order a command is called."""
+    """Return the usage line of a command."""
     arguments = (_argument(name, model.model_fields[name]) for name in usage.positional)
     return f"usage: {' '.join([usage.prog, *arguments])} [OPTION ...]"
 
@@ -87,7 +87,7 @@ def _groups(model: type[BaseModel], width: int) -> Iterator[str]:
 
 
 def _names_by_heading(model: type[BaseModel]) -> dict[str, list[str]]:
-    """Return the settings' names by the heading of the class that introduces them, the model's own before inherited."""
+    """Return the names of settings by the heading of their class, the model's own before inherited ones."""
     introduced = {
         name: vars(each).get("heading", "") for each in model.__mro__ for name in inspect.get_annotations(each)
     }

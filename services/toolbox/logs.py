@@ -1,4 +1,4 @@
-"""Logging of a process: one line an event on stderr, and nobody can flood it."""
+"""Sets up a process's logging: one line per event on stderr, limited in rate."""
 
 import logging
 import os
@@ -32,13 +32,13 @@ class _Window:
 
 @dataclass(frozen=True, slots=True)
 class Admitted:
-    """An event that is let through, and how many were held back before it."""
+    """An event that passes, and the number of events held back before it."""
 
     of_its_source: int = 0
     of_others: int = 0
 
     def __str__(self) -> str:
-        """Say what was held back, or nothing."""
+        """Return a note of the events held back, or an empty string."""
         more = f" (and {self.of_its_source} more like it)" if self.of_its_source else ""
         return more + (f" (and {self.of_others} events of other sources)" if self.of_others else "")
 
@@ -80,7 +80,7 @@ class RateLimit:
 
 
 class RateLimitFilter(logging.Filter):
-    """Applies a RateLimit to warnings and errors; an event's source is its logger, its text and its first argument.
+    """Applies a RateLimit to warnings and errors; an event's source is its logger, text and first argument.
 
     clock: seconds; it must be steady, for by one that is set back nothing would be written until it was there again.
     """
@@ -104,7 +104,7 @@ class RateLimitFilter(logging.Filter):
 
 
 class OneLine(logging.Formatter):
-    """Writes messages without what could write a line of its own: peers' words are in them."""
+    """Formats messages with control characters escaped, since they may contain words of peers."""
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - the base class calls it so
         """Return the line, before any traceback."""
@@ -117,22 +117,22 @@ class OneLine(logging.Formatter):
 
 
 class StderrHandler(logging.StreamHandler[TextIO]):
-    """Writes to what sys.stderr is at that moment, so that a live picture on the terminal is not written over."""
+    """Writes to the current sys.stderr, so that a live display on the terminal is not overwritten."""
 
     @property
     def stream(self) -> TextIO:
-        """Where to write."""
+        """The stream to write to."""
         return sys.stderr
 
     @stream.setter
     def stream(self, _: TextIO) -> None:
-        """Ignore it: the base class remembers the stream of the beginning."""
+        """Ignored: the base class would keep the initial stream."""
 
 
 class WriterThread(QueueHandler):
-    """Has records written by a thread of its own: whoever reads stderr may stop reading, and nobody waits for it.
+    """Writes records on its own thread, so that a stalled reader of stderr blocks nobody.
 
-    What is logged while MAX_WAITING wait is left out, and counted.
+    Records logged while MAX_WAITING are queued are dropped and counted.
     """
 
     def __init__(self, writer: logging.Handler) -> None:
@@ -143,17 +143,17 @@ class WriterThread(QueueHandler):
         os.register_at_fork(after_in_child=self._begin)
 
     def _begin(self) -> None:
-        """Begin to write; a process that is forked, as training's are, has no thread of the first one's."""
+        """Start the writing thread; a forked process, as in training, does not inherit it."""
         self._waiting: queue.Queue[logging.LogRecord] = queue.Queue(MAX_WAITING)
         threading.Thread(target=self._write, name="log", daemon=True).start()
 
     def prepare(self, record: logging.LogRecord) -> logging.LogRecord:
-        """Return the record as it was logged, with its text made: what is in it may change."""
+        """Return the record with its text formatted now: its arguments may change."""
         record.msg, record.args = record.getMessage(), ()
         return record
 
     def enqueue(self, record: logging.LogRecord) -> None:
-        """Hand a record over, with the count of those left out before it."""
+        """Pass a record on, with the number of those left out before it."""
         if self._left_out:
             record.msg += f" (and {self._left_out} events before it that nobody read)"
         try:
@@ -164,7 +164,7 @@ class WriterThread(QueueHandler):
             self._left_out = 0
 
     def flush(self) -> None:
-        """Wait until what was logged is written."""
+        """Wait until all logged records are written."""
         self._waiting.join()
 
     def _write(self) -> None:
@@ -180,5 +180,5 @@ def configure(level: str) -> None:
     handler = WriterThread(writer)
     handler.addFilter(RateLimitFilter(RateLimit()))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
-    # else it writes a line for each post, with an address that may be secret
+    # otherwise it logs each request with its URL, which may be secret
     logging.getLogger("httpx").setLevel(logging.WARNING)

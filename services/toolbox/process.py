@@ -1,4 +1,4 @@
-"""Run one process: signals end it in order, within a deadline, and failures become one line and an exit code."""
+"""Runs one process: signals stop it in order, within a deadline, and failures become one line and an exit code."""
 
 import asyncio
 import contextlib
@@ -22,19 +22,19 @@ ECHO_S: Final = 0.1
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED: Final = 128
-"""What shells add to the number of a signal that ended a program."""
+"""The offset that shells add to the number of a signal that ended a program."""
 
 
 def run(main: Callable[[], Awaitable[int | None]], *, finite: bool = False) -> int:
     """Run `main` until it returns or a signal cancels it; return its exit code.
 
     finite: it has an end of its own; a signal that ends it before makes the code INTERRUPTED and the signal's number.
-    What runs until it is told to stop has then ended as it should, with 0. A terminal that is closed tells it to stop,
-    unless that is ignored (nohup).
+    A process that runs until stopped has then ended normally, with 0. Closing the terminal also stops it, unless SIGHUP
+    is ignored (nohup).
 
     A process that has not ended DEADLINE_S after the first signal, or that gets a second one, is left at once. Once a
     signal has ended `main`, nobody waits for what threads are doing for it: what is to be saved it has waited for.
-    Whoever reads what `main` printed may take their time, unless a signal ended it.
+    A slow reader of the output of `main` is waited for, unless a signal ended it.
     """
     with asyncio.Runner() as runner:
         code = runner.run(_until_signalled(main))
@@ -44,9 +44,9 @@ def run(main: Callable[[], Awaitable[int | None]], *, finite: bool = False) -> i
 
 
 def written(code: int) -> int:
-    """Return an exit code once what was printed is written; EXIT_FAILED, and on stderr why, where it cannot be.
+    """Return an exit code once the output is flushed; EXIT_FAILED, with the reason on stderr, if it cannot be.
 
-    Whoever reads no further has read enough.
+    A reader that closed the output early is not an error.
     """
     try:
         sys.stdout.flush()
@@ -58,8 +58,8 @@ def written(code: int) -> int:
 
 
 def lost(error: OSError) -> int:
-    """Say on stderr why what was printed cannot be written; return EXIT_FAILED."""
-    sys.stderr.write(f"fleetsight: what was printed is lost: {error.strerror}\n")
+    """Print on stderr why the output cannot be written; return EXIT_FAILED."""
+    sys.stderr.write(f"fleetsight: the output cannot be written: {error.strerror}\n")
     return EXIT_FAILED
 
 
@@ -74,7 +74,7 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | s
         nonlocal ended_by, signalled_s
         if ended_by is None:
             ended_by, signalled_s = number, loop.time()
-            loop.call_later(DEADLINE_S, _give_up, f"not done {DEADLINE_S} s after {number.name}")
+            loop.call_later(DEADLINE_S, _give_up, f"not stopped {DEADLINE_S} s after {number.name}")
             work.cancel()
         elif loop.time() - signalled_s > ECHO_S:
             _give_up(f"second {number.name}")
@@ -90,7 +90,7 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | s
     except asyncio.CancelledError:
         if ended_by is None:
             raise
-        loop.set_default_executor(ThreadPoolExecutor(1))  # the loop waits for the threads of its last one
+        loop.set_default_executor(ThreadPoolExecutor(1))  # closing the loop waits for this executor's threads only
         failed = False
         return ended_by
     else:
@@ -103,12 +103,12 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | s
 
 
 def _leave_failed(_number: int, _frame: object) -> NoReturn:
-    """Told to stop while what has failed is wound up, it has failed all the same."""
+    """A failure counts even if a signal arrives while it is handled."""
     os._exit(EXIT_FAILED)
 
 
 def leave(code: int) -> NoReturn:
-    """End the process with an exit code. What is ours is closed by now; torch would take a second to end itself.
+    """End the process with an exit code. Everything of ours is closed by now; torch would take a second to exit.
 
     Last words that nobody reads are given up.
     """
@@ -130,5 +130,5 @@ def _flush(stream: TextIO) -> None:
 
 
 def _give_up(why: str) -> NoReturn:
-    log.error("leaving at once: %s", why)
+    log.error("exiting at once: %s", why)
     leave(EXIT_FAILED)

@@ -1,4 +1,4 @@
-"""Where settings came from: what a mistake is called by."""
+"""Tracks the origin of settings, for error messages."""
 
 import re
 import tomllib
@@ -17,7 +17,7 @@ from services.yaml_text import YamlError, line_of, parse
 
 @dataclass(slots=True)
 class SettingsFile:
-    """The file that `--config` names; empty until it was read. content, lines: by the settings' names.
+    """The file that `--config` names; empty until read. content, lines: by the settings' names.
 
     lines: where each setting is; in TOML nobody knows. named_by: what names the file.
     """
@@ -42,16 +42,16 @@ class SettingsFile:
         self.content = {name: content[key] for key, name in names}
         every = [name for _, name in names]
         if twice := next((name for name in every if every.count(name) > 1), ""):
-            raise UsageError(f"{self.place_of(twice)}: {twice!r} is there twice")
+            raise UsageError(f"{self.place_of(twice)}: {twice!r} is given twice")
         if "config" in every:
-            raise UsageError(f"{self.place_of('config')}: 'config' is no setting of a file")
+            raise UsageError(f"{self.place_of('config')}: 'config' cannot be set in a file")
 
     def place_of(self, name: str) -> str:
-        """Return where a setting is."""
+        """Return the place of a setting in the file."""
         return f"{self.path}: line {self.lines[name]}" if name in self.lines else f"{self.path}"
 
     def value_of(self, name: str, kind: str) -> Any:
-        """Return a setting's value; `kind` is its annotation, or empty for one that is not known.
+        """Return a setting's value; `kind` is its annotation, or empty for an unknown setting.
 
         A lone text is a list of one, where a list is meant: on the command line it is one too.
 
@@ -60,7 +60,9 @@ class SettingsFile:
         """
         value = self.content[name]
         if kind and "bool" not in kind and _says_yes_or_no(value):
-            raise UsageError(f"{self.place_of(name)}: {name}: yes and no are no values for it; in quotes they are text")
+            raise UsageError(
+                f"{self.place_of(name)}: {name}: yes and no are not valid here; quote them to make them text"
+            )
         return [value] if kind.startswith("list[") and isinstance(value, str) else value
 
     def _parsed(self, path: Path) -> tuple[Mapping[Any, Any], Node | None]:
@@ -74,7 +76,7 @@ class SettingsFile:
         if content is None:
             return {}, root
         if not isinstance(content, dict):
-            raise UsageError(f"{path}: settings are name: value pairs")
+            raise UsageError(f"{path}: not a mapping; write settings as name: value pairs")
         return content, root
 
 
@@ -89,7 +91,7 @@ ENV_PREFIX: Final = "FLEETSIGHT_"
 
 @dataclass(frozen=True, slots=True)
 class SettingOrigins:
-    """Where settings came from."""
+    """The origins of settings."""
 
     argv: Sequence[str]
     environment: Mapping[str, str]
@@ -97,7 +99,7 @@ class SettingOrigins:
     model: type[BaseModel]
 
     def place_of(self, name: str) -> str:
-        """Return what to call a setting: as it was given, or as an option."""
+        """Return the name for a setting in messages: as it was given, or as an option."""
         option, variable = option_of(name), f"{ENV_PREFIX}{name.upper()}"
         if self._is_typed(option):
             return option
@@ -117,12 +119,12 @@ class SettingOrigins:
         return not typed.isdisjoint({option, option.replace("--", "--no-", 1)})
 
     def _variables_of_ros(self, name: str) -> list[str]:
-        """Return the variables that a setting is from where it is given nowhere, as its description has them."""
+        """Return the ROS variables that a setting defaults to, named in its description."""
         field = self.model.model_fields.get(name)
         return re.findall(r"\bROS_[A-Z]+(?:_[A-Z]+)*", field.description or "") if field else []
 
     def place_of_what_is_no_text(self) -> str:
-        """Return what to call the first setting that is no UTF-8; its value may be secret."""
+        """Return the name of the first setting that is not UTF-8; its value may be secret."""
         for before, argument in pairwise(["", *self.argv]):
             if not _is_text(argument):
                 return argument.partition("=")[0] if argument.startswith("--") else before
@@ -130,13 +132,13 @@ class SettingOrigins:
         return next((name for name in variables if not _is_text(self.environment.get(name, ""))), "a setting")
 
     def options_in(self, reason: str) -> str:
-        """Return a reason with settings' names as those of options, as far as they cannot be words."""
+        """Return a reason with settings' names replaced by those of options, unless they may be plain words."""
         names = {name for name in self.model.model_fields if "_" in name}
         return re.sub(r"\w+", lambda word: option_of(word[0]) if word[0] in names else word[0], reason)
 
 
 def _is_text(value: str) -> bool:
-    """Return whether a value can be encoded; what is no UTF-8 is kept in a way that cannot."""
+    """Return whether a value is valid UTF-8; surrogates stand for invalid bytes."""
     try:
         value.encode()
     except UnicodeEncodeError:

@@ -1,4 +1,4 @@
-"""Load a process's settings: options first, then the environment, then a YAML or TOML file, then defaults."""
+"""Loads a process's settings from options, environment, a YAML or TOML file, and defaults, in that order."""
 
 import os
 import re
@@ -29,7 +29,7 @@ from services.toolbox.setting_sources import ENV_PREFIX, SettingOrigins, Setting
 
 MAX_HELP_WIDTH = 100
 MAX_VALUE = 80
-"""How much of a wrong value is shown."""
+"""Number of characters shown of a wrong value."""
 
 S = TypeVar("S", bound=BaseModel)
 
@@ -39,7 +39,7 @@ LogLevel = Literal["debug", "info", "warning", "error"]
 
 @dataclass(frozen=True, slots=True)
 class Loaded(Generic[S]):
-    """A process's settings, and what every process has beside them. log_level: None unless it was told."""
+    """A process's settings, and those of every process. log_level: None unless given."""
 
     settings: S
     log_level: LogLevel | None
@@ -95,24 +95,24 @@ def load(
     except ValidationError as error:
         raise UsageError(_first_mistake(error, given)) from error
     except UnicodeEncodeError as error:
-        raise UsageError(f"{given.place_of_what_is_no_text()}: no UTF-8") from error
+        raise UsageError(f"{given.place_of_what_is_no_text()}: not UTF-8") from error
     except SettingsError as error:
         raise UsageError(_unparsed(str(error), model, usage_line(model, usage))) from error
     return Loaded(settings, found.log_level)
 
 
 def names_of(model: type[BaseModel]) -> list[str]:
-    """Return what a process's settings are called, and those that every process has."""
+    """Return the names of a process's settings, and of those of every process."""
     return [field.alias or name for each in (model, _Common) for name, field in each.model_fields.items()]
 
 
 def variables() -> set[str]:
-    """Return the variables of the environment that are for us, without what they all begin with."""
+    """Return our environment variables, without their common prefix."""
     return {each.removeprefix(ENV_PREFIX) for each in os.environ if each.startswith(ENV_PREFIX)}
 
 
 def _check_pairs(model: type[BaseModel], argv: Sequence[str]) -> None:
-    """Raise UsageError where an option gives a name twice: pydantic would take the last one without a word."""
+    """Raise UsageError if an option gives a name twice: pydantic would silently take the last one."""
     for setting, field in model.model_fields.items():
         if not str(field.annotation).startswith("dict["):
             continue
@@ -130,7 +130,7 @@ class _Common(BaseSettings):
     config: Annotated[Path | None, Field(description="YAML or TOML file with any of these settings")] = None
     log_level: Annotated[
         LogLevel | None,
-        Field(description="least severe events written to stderr; info, or error for detect, clouds, users and call"),
+        Field(description="minimum severity on stderr; by default info, or error for detect, clouds, users and call"),
     ] = None
 
 
@@ -184,7 +184,7 @@ class _FileSource(InitSettingsSource):
 
 
 def _unparsed(message: str, model: type[BaseModel], usage: str) -> str:
-    """Say what could not be read from the command line; pydantic's own words on name=value pairs are Python's."""
+    """Return which argument could not be parsed; pydantic's own text on name=value pairs is Python's."""
     unreadable = re.match(r"Parsing error encountered for (\w+):", message)
     if unreadable is None:
         reason = message.removeprefix("error parsing CLI: ")

@@ -1,4 +1,4 @@
-"""The standard streams: all three are there, and what cannot be printed is told from what else fails."""
+"""The standard streams: ensures that all three exist, and distinguishes output errors from others."""
 
 import io
 import os
@@ -6,7 +6,7 @@ import sys
 
 
 class PrintError(OSError):
-    """What is printed cannot be written."""
+    """The output cannot be written."""
 
 
 class Printed(io.TextIOWrapper):
@@ -27,7 +27,7 @@ class Printed(io.TextIOWrapper):
 
 
 def prepare() -> None:
-    """Have /dev/null stand for each stream that was closed, before a file or a socket takes its number."""
+    """Open /dev/null for each closed stream, before a file or a socket takes its number."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
     os.close(number)

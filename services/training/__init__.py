@@ -1,1 +1,1 @@
-"""The first weights: a data set from the simulated warehouse, a training run, a model card."""
+"""Trains the shipped weights: data set from simulated warehouses, training run, model card."""

@@ -32,7 +32,7 @@ class Effort(BaseModel):
 
 
 def effort_so_far(record: Path) -> Effort:
-    """What is noted in `record`, nothing at first."""
+    """Return the effort noted in `record`, zero at first."""
     return Effort.model_validate_json(record.read_bytes()) if record.exists() else Effort()
 
 
@@ -129,7 +129,7 @@ them, without that network, they are {coarse}.
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What the evaluation of a run's weights found; `lists` at `CONFIDENCE`.
+    """Evaluation results of a run's weights; `lists` at `CONFIDENCE`.
 
     unrefined: of all masks as they are without a refiner, where there is one.
     """
@@ -141,7 +141,7 @@ class Figures:
 
 
 def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, refined: int = 0) -> str:
-    """Describe a run's weights as Markdown. refined: of how many objects a refiner of masks learned, if it did."""
+    """Describe a run's weights as Markdown. refined: number of objects a refiner of masks learned from, if any."""
     masks, lists, near = figures.masks, figures.lists, figures.near
     seeds = held_out_seeds(settings.seed, settings.holdout)
     return _CARD.format(
@@ -183,7 +183,7 @@ def _command(settings: TrainingSettings) -> str:
 
 
 def _without(by_score: Precision, unrefined: Precision | None) -> str:
-    """Say how precise masks are in another order, and without the refiner; nothing if there is none."""
+    """Describe the precision of masks in another order, and without the refiner; empty without one."""
     if unrefined is None:
         return ""
     orders = {"by_score": by_score, "coarse": unrefined}

@@ -1,4 +1,4 @@
-"""Checkpoints of Ultralytics' trainer, read without making or calling anything that they name.
+"""Reads checkpoints of Ultralytics' trainer without executing anything in them.
 
 A checkpoint is a pickle of whole networks. Objects that stand for the layers in it keep the layers' state and do
 nothing; the tensors among it go into a network of our own making, of which Ultralytics gets a file of our own writing.
@@ -28,7 +28,7 @@ ARCHITECTURE: Final = "yolo11n-seg.yaml"
 LAYER: Final = re.compile(
     r"(torch|ultralytics)\.nn\.modules\.\w+\.\w+|ultralytics\.(nn\.tasks\.SegmentationModel|utils\.IterableSimpleNamespace)"
 )
-"""What Ultralytics' checkpoints call for."""
+"""The callables that Ultralytics' checkpoints name."""
 
 _SCALAR: Final[Any] = np.float64(0).__reduce__()[0]
 _NUMBERS: Final[Mapping[str, Any]] = {"numpy._core.multiarray.scalar": _SCALAR, "numpy.dtype": np.dtype}
@@ -37,7 +37,7 @@ _GOING_ON: Final = ("best_fitness", "stopper", "updates", "optimizer", "scaler")
 
 
 class _Layer:
-    """Stands for a layer, or what it consists of: its state, and nothing that acts."""
+    """Stands for a layer or a part of it: holds its state, and does nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Checkpoint:
 
     @classmethod
     def read(cls, file: Path) -> "Checkpoint":
-        """Read what the trainer kept.
+        """Read the trainer's checkpoint.
 
         Raises:
             ValueError: it calls for what no network consists of, or holds no network; nothing in it was executed.
@@ -84,7 +84,7 @@ class Checkpoint:
         return network.eval()
 
     def write(self, file: Path, arguments: Mapping[str, Any]) -> None:
-        """Write it for Ultralytics to go on from. arguments: of the training, in Ultralytics' words."""
+        """Write a checkpoint that Ultralytics can resume from. arguments: of the training, by Ultralytics' names."""
         import torch  # noqa: PLC0415 - only the training needs it
 
         state = {"epoch": self.epoch, "model": None, "ema": self.network(), "train_args": dict(arguments)}
@@ -93,7 +93,7 @@ class Checkpoint:
 
 @contextmanager
 def _nothing_taken_as_safe() -> Iterator[None]:
-    """Have torch forget what it was told to take as safe until leaving: Ultralytics tells it of real layers."""
+    """Clear torch's list of safe classes while the context lasts: Ultralytics adds real layers to it."""
     import torch  # noqa: PLC0415 - only the training needs it
 
     before = torch.serialization.get_safe_globals()

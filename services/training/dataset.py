@@ -1,4 +1,4 @@
-"""A YOLO segmentation data set out of the simulated warehouse."""
+"""Makes a YOLO segmentation data set from the simulated warehouse."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -70,7 +70,7 @@ def holdout_seed(seed: int, index: int) -> int:
 
 
 def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, holdout: int, workers: int) -> Path:
-    """Write both splits and return the path of the data set's YAML; scenes that are already there are kept."""
+    """Write both splits and return the path of the data set's YAML; existing scenes are kept."""
     jobs = [
         (folder, split, seed_of(seed, index), min(VIEWS, count - index * VIEWS))
         for split, count, seed_of in (("train", images, training_seed), ("val", holdout, holdout_seed))
@@ -88,7 +88,7 @@ def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, h
 
 
 def _write_scene(job: tuple[Path, str, int, int]) -> None:
-    """Write the views of one scene; the label file last, as the sign that its view is complete."""
+    """Write the views of one scene; the label file comes last and marks its view as complete."""
     folder, split, seed, views = job
     names = [f"{seed:09d}-{view}" for view in range(views)]
     if all((folder / "labels" / split / f"{name}.txt").exists() for name in names):
@@ -108,7 +108,7 @@ def views_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], list[La
 
 
 def pictures_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], tuple[SeenObject, ...]]]:
-    """`count` pictures (RGB) of the scene of `seed` with all that is seen in them."""
+    """`count` images (RGB) of the scene of `seed` with ground truth."""
     scene, rng = generate(seed), np.random.default_rng([seed, 2])
     clearance = Clearance.of(scene)
     for _ in range(count):
@@ -118,7 +118,7 @@ def pictures_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], tupl
 
 
 def labels_of(objects: Iterable[SeenObject]) -> list[Label]:
-    """The objects in a picture that are large enough to be asked for."""
+    """The objects in an image that are large enough to count."""
     labels = []
     for seen in objects:
         polygon = outline(seen.mask.astype(np.uint8)) if seen.image_share >= MIN_AREA else None

@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, whatever interrupts their writing."""
+"""Writes files atomically, complete or not at all."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ class TrainingError(Exception):
 
 
 def first_line(error: Exception) -> str:
-    """Return what an error of another library says first, or its kind."""
+    """Return the first line of another library's error, or its type."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
@@ -40,9 +40,9 @@ _Job = tuple[Path, int, Callable[[int], msgspec.Struct]]
 def kept(
     folder: Path, seeds: Sequence[int], make: Callable[[int], Made], kind: type[Made], *, workers: int, report: Progress
 ) -> Iterator[Made]:
-    """Yield what `make`, which other processes can import, makes of each seed, in order, after all were made.
+    """Yield the results of `make` (importable in other processes) for each seed, in order, once all are made.
 
-    What is in `folder` is taken from there. report: told as "render scenes".
+    Results that are already in `folder` are reused. report: called with the stage "render scenes".
 
     Raises:
         TrainingError: a file there is damaged, or cannot be written.
@@ -66,4 +66,4 @@ def _read(file: Path, kind: type[Made]) -> Made:
     try:
         return msgspec.msgpack.decode(file.read_bytes(), type=kind)
     except msgspec.DecodeError as error:
-        raise TrainingError(f"{file} is damaged, remove it: {error}") from error
+        raise TrainingError(f"{file}: damaged ({error}); remove it") from error

@@ -1,4 +1,4 @@
-"""The training run itself: Ultralytics' trainer on our data set, from scratch, stage by stage, resumable."""
+"""Runs the training: Ultralytics' trainer on our data set, from scratch, in stages, resumable."""
 
 import shutil
 from contextlib import suppress
@@ -25,7 +25,7 @@ AUGMENTATION: Final = {
 
 
 def fit(settings: TrainingSettings, dataset: Path, progress: Progress) -> Path:
-    """Train every stage to its last epoch, going on from an earlier checkpoint; return the last checkpoint's path."""
+    """Train every stage to its last epoch, resuming from an earlier checkpoint; return the last checkpoint's path."""
     load_ultralytics(settings.work_dir / "ultralytics")
     for cache in (dataset.parent / "labels").glob("*.cache"):
         cache.unlink()  # a pickle, which Ultralytics would execute
@@ -58,7 +58,7 @@ def _fit_stage(
     *,
     resume: bool,
 ) -> None:
-    """Train a stage from the state or, unless it is to `resume`, the weights in the checkpoint `begin`, or nothing."""
+    """Train a stage: with `resume` from its state, else from the weights in the checkpoint `begin`, or from scratch."""
     from ultralytics.models import YOLO  # noqa: PLC0415 - after load_ultralytics
 
     arguments = _arguments(stage, settings, dataset)
@@ -110,7 +110,7 @@ def _arguments(stage: TrainingStage, settings: TrainingSettings, dataset: Path) 
 
 
 def _watch(model: Any, stage: TrainingStage, settings: TrainingSettings, progress: Progress) -> None:
-    """Report every batch, keep every epoch, and undo what Ultralytics sets: it takes all threads but one."""
+    """Report every batch, keep every epoch, and restore the thread count, which Ultralytics reduces to one."""
     import torch  # noqa: PLC0415 - only the training needs it
 
     def prepare(trainer: Any) -> None:

@@ -1,4 +1,4 @@
-"""Long work in several processes, and how it reports progress."""
+"""Runs long work in several processes, with progress reports."""
 
 import multiprocessing
 import os
@@ -15,7 +15,7 @@ Job = TypeVar("Job")
 
 
 def run(work: Callable[[Job], None], jobs: Sequence[Job], workers: int, report: Callable[[int], None]) -> None:
-    """Do all jobs, in this process where one is enough, and report how many are done after each.
+    """Run all jobs, in this process if one is enough, and report the number done after each.
 
     Where `report` or a job raises, what has not begun never does. work: what other processes can import.
     """
@@ -32,13 +32,13 @@ def run(work: Callable[[Job], None], jobs: Sequence[Job], workers: int, report: 
 
 
 def end() -> None:
-    """End the processes that do jobs; `run`, wherever it waits for them, raises."""
+    """End the worker processes; a `run` that waits for them raises."""
     for process in multiprocessing.active_children():
         process.kill()
 
 
 def _begin() -> None:
-    """Have one processor, and end with whoever began this process, however that ends."""
+    """Use one processor, and end with the parent process, however that ends."""
     cv2.setNumThreads(1)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -58,7 +58,7 @@ def _report_each(ends: Iterable[None], report: Callable[[int], None]) -> None:
 class Progress(Protocol):
     """Called as `progress(stage, done, total)`; `done` counts up to `total` within each stage.
 
-    What it raises ends the run, which can be taken up again later.
+    An exception from it ends the run, which can be resumed later.
     """
 
     def __call__(self, stage: str, done: int, total: int, /) -> None: ...

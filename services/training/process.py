@@ -14,11 +14,11 @@ from services.training.run import train
 from services.training.settings import TrainingSettings
 
 ENDING_S: Final = 1.5
-"""How long a training that is interrupted may take to note what it has cost."""
+"""Seconds for an interrupted training to record its cost."""
 
 
 async def run(settings: TrainingSettings, load: PredictorLoader, refinement: Refinement) -> None:
-    """Train. Interrupted, the next run with the same settings goes on from the last checkpoint.
+    """Train. After an interruption, the next run with the same settings resumes from the last checkpoint.
 
     load: loads the weights as a detector would, to evaluate them. refinement: that detector's.
 

@@ -28,14 +28,14 @@ from services.training.trainer import load_ultralytics
 
 @dataclass(frozen=True, slots=True)
 class HeldOutScore:
-    """The pictures seen, as masks and as class lists."""
+    """The processed images, scored as masks and as class lists."""
 
     masks: MaskScore = field(default_factory=MaskScore)
     lists: ListScore = field(default_factory=ListScore)
 
 
 def scored(views: Iterable[HeldOutView], predict: Predictor, report: Callable[[int], None]) -> HeldOutScore:
-    """Show each picture to `predict`, which returns even the least likely detections, and report how many are done."""
+    """Run `predict`, which returns even the least likely detections, on each image, and report progress."""
     score = HeldOutScore()
     for done, view in enumerate(views, start=1):
         image = view.image()
@@ -51,7 +51,7 @@ FRAMES_PER_DRIVE: Final = 24
 
 
 def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader, refinement: Refinement) -> None:
-    """Make `settings.output` and the model card beside it, going on where an earlier run was interrupted.
+    """Make `settings.output` and the model card beside it, resuming an earlier interrupted run.
 
     load: loads the weights as a detector would, to evaluate them. refinement: that detector's.
 
@@ -88,7 +88,7 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
 def evaluate(
     settings: TrainingSettings, progress: Progress, load: PredictorLoader, unrefined: Path | None = None
 ) -> Figures:
-    """Find out how well the weights at `settings.output` do on scenes that they were not trained on.
+    """Evaluate the weights at `settings.output` on unseen scenes.
 
     unrefined: the same without what refines their masks, if there is such a thing.
     """
@@ -113,7 +113,7 @@ def evaluate(
 
 
 def _check_folder(option: str, named: Path, folder: Path) -> None:
-    """Find out whether files can be written in a folder, which is made; `named` is what the option says."""
+    """Check that files can be written to a folder, creating it; `named` is the option's value."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -131,7 +131,7 @@ def _check_device(settings: TrainingSettings) -> None:
 
 
 def _claim(work_dir: Path, settings: TrainingSettings) -> None:
-    """Note whose directory this is: what is in it fits one set of settings only."""
+    """Record the settings of the run in its directory, which fits one set of settings only."""
     note = work_dir / "settings.json"
     wanted = settings.model_dump_json(include=DECISIVE)
     try:
@@ -143,7 +143,7 @@ def _claim(work_dir: Path, settings: TrainingSettings) -> None:
 
 
 def _check_checkpoints(settings: TrainingSettings) -> None:
-    """Find out what would only be found out after hours."""
+    """Check in advance for errors that would otherwise occur after hours."""
     for stage in stages_of(settings):
         _check_checkpoint(stage.checkpoint(settings.work_dir))
     kept_state(settings.work_dir / CHECKPOINT)
@@ -154,4 +154,4 @@ def _check_checkpoint(checkpoint: Path) -> None:
         if checkpoint.exists():
             Checkpoint.read(checkpoint)
     except Exception as error:
-        raise TrainingError(f"{checkpoint} is no checkpoint, remove it: {first_line(error)}") from error
+        raise TrainingError(f"{checkpoint}: not a checkpoint ({first_line(error)}); remove it") from error

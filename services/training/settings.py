@@ -1,4 +1,4 @@
-"""What a training run can be told."""
+"""Settings of a training run."""
 
 from pathlib import Path
 from typing import Final
@@ -18,37 +18,37 @@ DECISIVE: Final = {
     "imgsz",
     "batch",
 }
-"""What the weights and their figures depend on, wherever they are made."""
+"""The settings that determine the weights and their metrics on any machine."""
 
 MOST_WORKERS: Final = 1024
 """Torch's OpenMP has no stack for a hundred times as many threads."""
 
 
 class TrainingSettings(BaseModel):
-    """Make a model for the simulated warehouse from nothing: render, train, evaluate, write weights and their card.
+    """Train a model for the simulated warehouse from scratch: render, train, evaluate, write weights and their card.
 
     The defaults make the weights that are shipped, and put them in their place; that takes hours without a GPU. Stopped
     at any time, the same command goes on from its last epoch.
     """
 
     seed: int = Field(
-        default=1, ge=0, description="seed of the scenes and of the training; the same seed, the same data"
+        default=1, ge=0, description="seed of the scenes and the training; the same seed gives the same data"
     )
     images: PositiveInt = Field(default=6000, description="images to train on, two of each scene")
     holdout: PositiveInt = Field(default=300, description="images of other scenes to evaluate on, never trained on")
     coarse_epochs: int = Field(default=4, ge=0, description="first passes over the images, at half the size")
     epochs: PositiveInt = Field(default=2, description="passes over the images at their whole size")
     polish_epochs: int = Field(
-        default=3, ge=0, description="last passes at the whole size, the learning rate raised once more to fall slowly"
+        default=3, ge=0, description="last passes at the whole size, with the learning rate raised once more"
     )
     refiner_images: int = Field(
         default=12000,
         ge=0,
-        description="images of further scenes that masks are refined in, 1.6 MB on disk each; 0 for no refiner",
+        description="images of further scenes to train the refiner on, 1.6 MB on disk each; 0 for no refiner",
     )
     refiner_epochs: PositiveInt = Field(
         default=5,
-        description="passes of the refiner over as many objects as were found in these, rare ones drawn more often",
+        description="passes of the refiner over the objects found in these; rare classes are drawn more often",
     )
     imgsz: PositiveInt = Field(default=640, multiple_of=32, description="longer side of the model's input in pixels")
     batch: PositiveInt = Field(default=8, description="images per step")
@@ -58,16 +58,16 @@ class TrainingSettings(BaseModel):
     device: str = Field(default="auto", description="auto (a GPU if there is one), cpu, or a GPU number such as 0")
     output: Path = Field(
         default=WEIGHTS_FOLDER / "warehouse-n-seg.pt",
-        description="where the weights go, with the model card beside them",
+        description="file for the weights; the model card is written beside it",
     )
     work_dir: Path = Field(
         default=Path("runs/warehouse-n-seg"),
-        description="folder of data set and checkpoints; an interrupted run with the same settings goes on from here",
+        description="folder for data set and checkpoints; an interrupted run with the same settings resumes here",
     )
 
     @field_validator("output")
     @classmethod
     def _is_a_file_of_weights(cls, output: Path) -> Path:
         if output.suffix != ".pt" or output.is_dir():
-            raise ValueError("a file whose name ends in .pt")
+            raise ValueError("not a file of weights; use a name that ends in .pt")
         return output

@@ -1,4 +1,4 @@
-"""The stages of a training run: small pictures, which teach most for their time, whole ones, and whole ones again.
+"""The stages of a training run: first small images, the most efficient, then full size, then full size again.
 
 Pure. The last stage begins at a higher rate than the one before it ended with (a warm restart: Loshchilov and Hutter,
 "SGDR", 2017), and lets it fall over all its epochs.
@@ -26,7 +26,7 @@ class TrainingStage:
     hold: int | None = None
 
     def checkpoint(self, work_dir: Path) -> Path:
-        """Where the state after the last whole epoch is kept; always a whole file, unlike Ultralytics' own."""
+        """The path of the state after the last whole epoch; always a complete file, unlike Ultralytics' own."""
         return work_dir / f"{self.name}.pt"
 
     def rate(self, epochs: float) -> float:

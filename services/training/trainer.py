@@ -1,4 +1,4 @@
-"""Ultralytics' segmentation trainer, made quick on processors and quiet."""
+"""Adapts Ultralytics' segmentation trainer: fast on CPUs, and quiet."""
 
 import logging
 import os
@@ -16,7 +16,7 @@ def trainer_class() -> type:
     from ultralytics.models.yolo.segment import SegmentationTrainer  # noqa: PLC0415 - after load_ultralytics
 
     class Trainer(SegmentationTrainer):
-        """Never validates: the evaluation is ours, and of the file that is shipped."""
+        """Never validates: we evaluate the final file ourselves."""
 
         def final_eval(self) -> None:
             return
@@ -41,7 +41,7 @@ def trainer_class() -> type:
 
 @contextmanager
 def quick_arithmetic(threads: int, device: str) -> Iterator[None]:
-    """Let torch take its short cuts: numbers next to zero count as zero, and bfloat16 where a processor has it.
+    """Enable torch's shortcuts: denormals count as zero, and bfloat16 where the processor supports it.
 
     Enter it before torch starts its threads, which take the first over; bfloat16 is about twice as fast as float32.
     """
@@ -66,7 +66,7 @@ _SILENCED: Final = ("sync", "clearml", "comet", "dvc", "mlflow", "raytune", "ten
 
 
 def load_ultralytics(config_dir: Path) -> ModuleType:
-    """Import ultralytics with its own files in `config_dir` (which is made) and every integration off."""
+    """Import ultralytics with its own files in `config_dir` (created) and every integration off."""
     config_dir.mkdir(parents=True, exist_ok=True)
     os.environ.update(_QUIET, YOLO_CONFIG_DIR=str(config_dir.resolve()))
     import ultralytics  # noqa: PLC0415 - it reads the environment when it is imported
@@ -78,7 +78,7 @@ def load_ultralytics(config_dir: Path) -> ModuleType:
 
 
 def _hide_bars(module: Any, bar: Any) -> None:
-    """Keep from showing the bars that a module of Ultralytics shows however quiet it is told to be."""
+    """Suppress the progress bars that a module of Ultralytics shows even when told to be quiet."""
 
     def unseen(*arguments: Any, **options: Any) -> Any:
         return bar(*arguments, **options | {"disable": True})

@@ -1,4 +1,4 @@
-"""Camera poses as a robot would have them: low, outside of things, and mostly with something near in view."""
+"""Draws camera poses as of a robot: low, in free space, and mostly with an object nearby in view."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -65,7 +65,7 @@ MAX_TRIES: Final = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraView:
-    """What a camera sees from where it is."""
+    """The view of a camera from its pose."""
 
     pose: Pose
     camera: Camera
@@ -73,7 +73,7 @@ class CameraView:
 
 
 def draw_view(scene: Scene, clearance: Clearance, rng: Generator) -> CameraView:
-    """Draw views until one shows objects and no wall fills it; after a few the last one must do."""
+    """Draw views until one shows objects and no wall fills it; after a few attempts, return the last one."""
     view = _any_view(scene, clearance, rng)
     for _ in range(MAX_TRIES - 1):
         if shows_enough(view.rendering):
@@ -83,7 +83,7 @@ def draw_view(scene: Scene, clearance: Clearance, rng: Generator) -> CameraView:
 
 
 def shows_enough(rendering: Rendering) -> bool:
-    """Whether objects cover `MIN_OBJECT_AREA` of the picture and half of it is beyond `MIN_MEDIAN_DEPTH` metres."""
+    """Whether objects cover `MIN_OBJECT_AREA` of the image and half of it is beyond `MIN_MEDIAN_DEPTH` metres."""
     return bool(np.mean(rendering.instances > 0) > MIN_OBJECT_AREA and np.median(rendering.depth) > MIN_MEDIAN_DEPTH)
 
 

@@ -1,4 +1,4 @@
-"""What belongs to the same instant, found by stamps: one stream is kept until the other one's messages arrive."""
+"""Joins two streams by stamp: one is kept until messages of the other arrive."""
 
 from bisect import bisect_left
 from collections import Counter, deque
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 KEEP_NS: Final = 2_000_000_000
 ITEM_BYTES: Final = 1024
-"""What an item takes beside its data, about."""
+"""The approximate overhead of an item besides its data."""
 
 JUMP_NS: Final = 1_000_000_000
 """Stamps that go back by more than this are of a clock that jumped: what was kept is of another round."""
@@ -21,7 +21,7 @@ LONGEST_PERIOD_NS: Final = 200_000_000
 _PERIODS: Final = 15
 
 SOON_NS: Final = 200_000_000
-"""What is nearer, but farther off than this yet, is not waited for."""
+"""Nearer items are not waited for if they are still farther off than this."""
 
 UNUSED: Final = "nothing of its instant was asked for"
 FLUSHED: Final = "kept when the clock jumped back"
@@ -30,7 +30,7 @@ DOUBLE: Final = "a stamp that is there already"
 
 @dataclass(frozen=True, slots=True)
 class Partner(Generic[T]):
-    """What was found, and its stamp. final: nothing nearer will come; otherwise it may."""
+    """The matching item and its stamp. final: no nearer one can arrive."""
 
     item: T
     stamp_ns: int
@@ -39,7 +39,7 @@ class Partner(Generic[T]):
 
 @dataclass(frozen=True, slots=True)
 class NoPartner:
-    """Why nothing was found. final: nor will it be; otherwise it may still arrive."""
+    """Why no item matches. final: none can still arrive."""
 
     reason: str
     final: bool
@@ -54,7 +54,7 @@ class _Kept(Generic[T]):
 
 
 class Joiner(Generic[T]):
-    """Keeps a stream's newest items by stamp, bounded by time and by memory, and finds the one of an instant.
+    """Keeps a stream's newest items by stamp, bounded in time and memory, and finds the one of an instant.
 
     what: names an item in reasons, like "depth image". tolerance_ns: how far apart the stamps of one instant may be;
     None is half of the kept stream's own period, which is measured. budget: what it may share with others. dropped:
@@ -78,7 +78,7 @@ class Joiner(Generic[T]):
 
     @property
     def tolerance_ns(self) -> int:
-        """How far apart the stamps of one instant may be now."""
+        """The current maximum difference between the stamps of one instant."""
         if self._given_ns is not None:
             return self._given_ns
         return min(self._period_ns or UNKNOWN_PERIOD_NS, LONGEST_PERIOD_NS) // 2
@@ -88,7 +88,7 @@ class Joiner(Generic[T]):
         return sorted(self._periods)[len(self._periods) // 2] if self._periods else None
 
     def keep(self, stamp_ns: int, item: T, size: int) -> None:
-        """Keep an item with `size` bytes of data; where there is no room the oldest leave, here or elsewhere."""
+        """Add an item with `size` bytes of data; if there is no room, the oldest items go, here or at other holders."""
         newest = self._kept[-1].stamp_ns if self._kept else stamp_ns
         if stamp_ns < newest - JUMP_NS:
             self._leave(len(self._kept), FLUSHED)
@@ -118,19 +118,19 @@ class Joiner(Generic[T]):
         return self._missing(best, stamp_ns, may_come=may_come)
 
     def shed(self) -> None:
-        """Let go of the oldest item."""
+        """Drop the oldest item."""
         self._leave(1, CROWDED)
 
     def flush(self) -> None:
-        """Forget everything: the clock is another one."""
+        """Forget everything: the clock has changed."""
         self._leave(len(self._kept), FLUSHED)
         self._periods.clear()
 
     def _nearer_comes(self, ahead_ns: int) -> bool:
-        """Return whether what comes next may be nearer, soon, to a stamp that is so far ahead of the newest."""
+        """Return whether the next item may soon be nearer to a stamp this far ahead of the newest."""
         period = self._period_ns
         if period is None:
-            return self._given_ns is not None  # what is not given is half a period already
+            return self._given_ns is not None  # a default tolerance is already half a period
         return 2 * ahead_ns > period and period - ahead_ns <= SOON_NS
 
     def _missing(self, nearest: _Kept[T] | None, stamp_ns: int, *, may_come: bool) -> NoPartner:

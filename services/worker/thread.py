@@ -1,4 +1,4 @@
-"""A thread for what takes long."""
+"""A thread for slow work."""
 
 from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def worker_thread(name: str) -> Iterator[Executor]:
-    """Run what is submitted in turn. Leaving does not wait for what is under way, which may take seconds."""
+    """Run submitted calls in turn. Leaving does not wait for a call in progress, which may take seconds."""
     executor = ThreadPoolExecutor(1, thread_name_prefix=name)
     try:
         yield executor

@@ -1,4 +1,4 @@
-"""The skeleton of every worker: it shares cameras with others of its service, serves its own and reports its status."""
+"""The skeleton of every worker: shares cameras with its service's other workers, serves its own, reports status."""
 
 import time
 from asyncio import TaskGroup
@@ -20,7 +20,7 @@ from schemas.worker_keys import WorkerAlive, worker_status
 T = TypeVar("T", bound=Tally)
 
 ServeCamera = Callable[[CameraKey, T, Callable[[], None]], Awaitable[None]]
-"""Serves a camera until cancelled. Counts its frames in the tally; calls the function once results come."""
+"""Serves a camera until cancelled. Counts its frames in the tally; calls the function once results arrive."""
 
 
 def _no_details() -> Mapping[str, Any]:
@@ -54,7 +54,7 @@ class Worker(Generic[T]):
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s, leaves=leaves)
 
     async def run(self, *alongside: Coroutine[None, None, None]) -> None:
-        """Work until cancelled; then hand over and end. alongside: what else runs as long as the worker does."""
+        """Work until cancelled; then hand over and end. alongside: runs as long as the worker does."""
         async with TaskGroup() as group:
             for coroutine in alongside:
                 group.create_task(coroutine)
@@ -87,7 +87,7 @@ async def publish_while_wanted(
     work: Callable[[Publisher], Coroutine[None, None, None]],
     took_over: Callable[[], None],
 ) -> None:
-    """Offer a stream of results until cancelled; `work` runs, with its publisher, while somebody wants them.
+    """Offer a stream of results until cancelled; `work` runs, with its publisher, while the stream has subscribers.
 
     took_over: called, too, when nobody wants results for a while, since then none come that could show who serves.
     """

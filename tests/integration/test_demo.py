@@ -79,7 +79,7 @@ def test_a_signal_stops_everything(number: signal.Signals) -> None:
         said, _ = running.communicate(timeout=PATIENCE_S)
     assert running.returncode == 0
     assert "frames sent:" in said
-    assert "leaving at once" not in said
+    assert "exiting at once" not in said
     assert psutil.wait_procs(started, timeout=0)[1] == []
 
 
@@ -90,7 +90,7 @@ def test_it_outlives_its_terminal_under_nohup_and_says_that_the_machine_was_too_
         running.send_signal(signal.SIGHUP)
         said, _ = running.communicate(timeout=PATIENCE_S)
     assert running.returncode >= 0, "the signal did not end it"
-    assert re.search(r"^machine: +too slow for this, .*\(\d+ processors, (9\d|100)% busy, ", said, re.MULTILINE), said
+    assert re.search(r"^machine: +too slow for this \(\d+ processors, (9\d|100)% busy, ", said, re.MULTILINE), said
     assert re.search(r"^result: ", said, re.MULTILINE)
 
 

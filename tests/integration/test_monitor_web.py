@@ -60,7 +60,7 @@ async def test_from_the_first_user_to_the_end(tmp_path: Path) -> None:
                 async with asyncio.timeout(PATIENCE_S):
                     assert await child.process.wait() == 0
                     await live.wait_closed()
-        assert "leaving at once" not in child.last_words
+        assert "exiting at once" not in child.last_words
 
 
 async def test_a_floor_plan_that_is_not_there_is_one_line_and_the_exit_code_of_a_wrong_setting(

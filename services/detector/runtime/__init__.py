@@ -1,1 +1,1 @@
-"""From weights to objects: the same model under torch, ONNX Runtime, OpenVINO or TensorRT."""
+"""Runs a model from weights to objects under torch, ONNX Runtime, OpenVINO or TensorRT."""

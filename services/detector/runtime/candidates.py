@@ -1,4 +1,4 @@
-"""What a model may have found in one image. Pure."""
+"""Candidate objects of one image, and their suppression. Pure."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -29,7 +29,7 @@ BLOCK: Final = 256
 
 
 def suppressed(corners: Floats, labels: Integers, iou: float, most: int) -> Integers:
-    """Return which boxes, best first, overlap no better one that is kept of their class by more than `iou`.
+    """Return which boxes, best first, overlap no kept better box of their class by more than `iou`.
 
     corners: n x 4, left, top, right, bottom. most: how many are kept at most.
     """
@@ -53,14 +53,14 @@ def suppressed(corners: Floats, labels: Integers, iou: float, most: int) -> Inte
 
 
 def _shared(begins: Floats, ends: Floats, these: Integers, others: Integers) -> Floats:
-    """Return how much of an axis any two have in common."""
+    """Return the overlap of each pair along one axis."""
     sides = np.minimum(ends[these, None], ends[others])
     sides -= np.maximum(begins[these, None], begins[others])
     return np.maximum(sides, 0, out=sides)
 
 
 def _best(doubles: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which are not doubles of an earlier one that is not one itself."""
+    """Return which boxes are not duplicates of an earlier box that is kept."""
     kept = np.ones(len(doubles), np.bool_)
     for n, of_this in enumerate(doubles):
         if kept[n]:

@@ -1,4 +1,4 @@
-"""The content of an Ultralytics checkpoint: exactly the file that is named, read as data."""
+"""Reads the content of an Ultralytics checkpoint, from exactly the named file, as data only."""
 
 import re
 import threading
@@ -40,11 +40,11 @@ MAX_NAMED: Final = 3
 
 
 class CheckpointError(Exception):
-    """A file that is no checkpoint of a model; the message says why, in one line."""
+    """The file is not a checkpoint of a model; the message says why, in one line."""
 
 
 def read_checkpoint(file: Path) -> tuple[Any, dict[str, Any]]:
-    """Return a file's model, in evaluation mode and in single precision, and all that the file holds.
+    """Return a file's model, in evaluation mode and single precision, and the whole content of the file.
 
     Raises:
         CheckpointError: it is none, or holds what is not data.
@@ -62,7 +62,7 @@ def read_checkpoint(file: Path) -> tuple[Any, dict[str, Any]]:
 
 @contextmanager
 def exact_names() -> Iterator[None]:
-    """Have Ultralytics read the very files that it is given, by absolute paths.
+    """Make Ultralytics read exactly the given files, by absolute paths.
 
     Otherwise apostrophes vanish from a name, yolov5s.pt becomes yolov5su.pt, and GitHub is asked for what is then not
     there, YOLO_OFFLINE or not.
@@ -113,7 +113,7 @@ def _entries_without_model(path: Path) -> list[str] | None:
 
 
 def _foreign_types(path: Path, error: Exception) -> list[str]:
-    """Return the names of the types in a file that are none of a checkpoint's. error: what came of reading it."""
+    """Return the names of the types in a file that do not belong in a checkpoint. error: raised by reading it."""
     try:
         return sorted(torch.serialization.get_unsafe_globals_in_checkpoint(path))
     except Exception:  # noqa: BLE001 - in no archive of torch's, as before its version 1.6, only the error names one

@@ -1,4 +1,4 @@
-"""Which runtime a model runs under: the one that is asked for, or the fastest that is installed, by measuring."""
+"""Chooses a model's runtime: the requested one, or the fastest of those installed, by measuring."""
 
 import hashlib
 import logging
@@ -45,7 +45,7 @@ KEPT_S: Final = 7 * 24 * 3600
 
 @dataclass(frozen=True, slots=True)
 class RuntimeTarget:
-    """Where a model is to run. digest: of its weights; longest: its input's longer side in pixels.
+    """Where a model runs. digest: of its weights; longest: longer side of its input in pixels.
 
     spare: where what is made goes if the cache cannot be written. gpu: what kind the device is, empty if it is none.
     """
@@ -60,13 +60,13 @@ class RuntimeTarget:
 
 
 def check_installed(runtime: Runtime) -> None:
-    """Raise ModelError unless what a runtime needs is installed."""
+    """Raise ModelError unless the packages that a runtime needs are installed."""
     if missing := _missing(runtime):
         raise ModelError(f"--runtime {runtime}: {missing[0]} is not installed; {REMEDIES[runtime]}")
 
 
 def choose(make: Callable[[Runtime], Engine], place: RuntimeTarget, blank: NDArray[np.uint8]) -> tuple[Runtime, Engine]:
-    """Return the fastest runtime for a device and the model under it. What was measured is kept for a week.
+    """Return the fastest runtime for a device and the model under it. Measurements are kept for a week.
 
     What was the fastest and no longer works is left out, with a warning.
 
@@ -93,7 +93,7 @@ def choose(make: Callable[[Runtime], Engine], place: RuntimeTarget, blank: NDArr
 
 
 def measure(engines: Mapping[Runtime, Engine], blank: NDArray[np.uint8]) -> dict[Runtime, float]:
-    """Return the shortest time in seconds that each takes for a batch, all of them in turn.
+    """Return the shortest time in seconds that each runtime takes for a batch, measured in turn.
 
     The first of each turn does not count: another library's threads may still be spinning.
     """
@@ -123,7 +123,7 @@ def _made(make: Callable[[Runtime], Engine], candidates: list[Runtime]) -> list[
 
 
 def _memory(place: RuntimeTarget, candidates: list[Runtime]) -> Path:
-    """Return the file that the choice is kept in: another machine, device, GPU or version may choose otherwise."""
+    """Return the file that keeps the choice; it depends on the machine, device, GPU and versions."""
     packages = {"torch", "ultralytics"}.union(*(NEEDS[each] for each in candidates))
     here = [place.device, place.gpu, place.threads, platform.node()]
     about = [place.digest, place.longest, *here, *installed(packages)]

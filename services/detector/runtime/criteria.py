@@ -1,4 +1,4 @@
-"""What counts as a detection, for one model's classes. Pure."""
+"""Detection criteria of one model's classes. Pure."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ MAX_LISTED: Final = 20
 
 @dataclass(frozen=True, slots=True)
 class Criteria:
-    """What counts as a detection; see `schemas.tuning.Tuning`.
+    """Detection criteria; see `schemas.tuning.Tuning`.
 
     labels: of those classes; None for all. agnostic: of overlapping boxes only the best one counts, whatever their
     classes.
@@ -29,7 +29,7 @@ class Criteria:
     agnostic: bool = False
 
     def tuned(self, tuning: Tuning, names: Mapping[int, str]) -> "Criteria":
-        """Return these criteria with what a tuning changes. names: of the model's classes, by label.
+        """Return these criteria with the changes of a tuning. names: of the model's classes, by label.
 
         Raises:
             TuningError: a class that the model does not know.

@@ -1,4 +1,4 @@
-"""What runs a model's arithmetic, whichever library it is."""
+"""The interface of an inference engine, independent of its library."""
 
 from typing import Final, Protocol
 
@@ -12,7 +12,7 @@ BATCH_ON_GPU: Final = 8
 
 
 class OutOfMemoryError(Exception):
-    """A batch that the device has no memory for."""
+    """The device has not enough memory for the batch."""
 
 
 class Engine(Protocol):
@@ -27,5 +27,5 @@ class Engine(Protocol):
 
 
 def outputs(predictions: NDArray[np.float32], prototypes: NDArray[np.float32] | None) -> list[Output]:
-    """Take a batch's arrays apart."""
+    """Split a batch's arrays into those of each image."""
     return [Output(each, None if prototypes is None else prototypes[n]) for n, each in enumerate(predictions)]

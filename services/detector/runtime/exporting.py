@@ -1,4 +1,4 @@
-"""Exported models, made once per content of the weights and kept."""
+"""Exports models, once per content of the weights, and caches them."""
 
 import errno
 import hashlib
@@ -54,7 +54,7 @@ def exported(
     spare: Path,
     damaged: Path | None = None,
 ) -> Path:
-    """Return the model as a file that other libraries run, exported by Ultralytics if it is not in the cache yet.
+    """Return the model as a file for other runtimes, exported by Ultralytics unless it is in the cache.
 
     Any number of processes may do so at once: what is in the cache is whole, and the same whoever made it.
 
@@ -80,20 +80,20 @@ def exported(
 
 
 def entry(digest: str, kind: str, longest: int, exporters: Sequence[str], gpu: str, *, head: Head = "nms") -> str:
-    """Return an export's name in the cache. exporters: with their versions. gpu: an engine is for that kind alone."""
+    """Return an export's name in the cache. exporters: with versions. gpu: type that an engine is built for."""
     branch = ["nms-free"] if head == "nms-free" else []
     about = [longest, BATCHES[kind], *exporters, gpu if kind == "engine" else "", *branch]
     return f"{digest[:32]}-{hashlib.sha256(repr(about).encode()).hexdigest()[:32]}-{kind}"
 
 
 def installed(packages: Iterable[str]) -> list[str]:
-    """Return the names and versions of what was installed to import these packages: `onnxruntime` has several."""
+    """Return the names and versions of the installed packages behind these imports: `onnxruntime` has several."""
     names = packages_distributions()
     return sorted({f"{each} {version(each)}" for package in packages for each in names.get(package, ())})
 
 
 def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:
-    """Export to a folder in the cache, or with a warning to `spare` if that cannot be written, or read."""
+    """Export to a folder in the cache, or with a warning to `spare` if the cache cannot be written or read."""
     try:
         export(folder)
     except OSError as error:
@@ -125,7 +125,7 @@ def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest
 
 
 def _made(copy: Path, weights: "Weights", kind: str, device: str, longest: int) -> Path:
-    """Have Ultralytics export a copy of the weights into its folder, with the branch of its head that is used.
+    """Make Ultralytics export a copy of the weights into its folder, with the branch of the head that is used.
 
     Raises:
         OSError: that cannot be written.
@@ -158,7 +158,7 @@ def _made(copy: Path, weights: "Weights", kind: str, device: str, longest: int) 
 
 @contextmanager
 def _without_graphs() -> Iterator[None]:
-    """Keep torch from writing the graph of a model that it cannot export to stdout: thousands of lines.
+    """Keep torch from printing the graph of a model that it cannot export: thousands of lines.
 
     Its switch for that is turned on by every export, and nobody is asked.
     """
@@ -177,13 +177,13 @@ def _without_graphs() -> Iterator[None]:
 
 
 def discard(folder: Path) -> None:
-    """Take what was exported out of the cache, at once; who has it open keeps it. Nothing where it cannot be taken."""
+    """Remove an export from the cache at once; processes that have it open keep it. Ignored if it cannot be removed."""
     with suppress(OSError), tempfile.TemporaryDirectory(prefix=MAKING, dir=folder.parent) as away:
         folder.rename(Path(away) / folder.name)
 
 
 def remove_abandoned(cache: Path, now_s: float) -> None:
-    """Remove what killed processes left behind while they exported; what may still be worked on stays."""
+    """Remove leftovers of killed exports; folders that may still be in use stay."""
     for folder in cache.glob(f"{MAKING}*"):
         with suppress(FileNotFoundError):  # somebody else was quicker
             if now_s - folder.stat().st_mtime > ABANDONED_S:
@@ -191,7 +191,7 @@ def remove_abandoned(cache: Path, now_s: float) -> None:
 
 
 def put_in_place(made: Path, folder: Path) -> None:
-    """Make `folder` of what was made, at once, unless somebody else was quicker."""
+    """Rename the export to `folder` atomically, unless another process was quicker."""
     for each in (*made.rglob("*"), made):  # folders too: they say which files there are
         descriptor = os.open(each, os.O_RDONLY)
         try:

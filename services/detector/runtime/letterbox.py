@@ -1,4 +1,4 @@
-"""Images of any size into a model's input, and places in that input back into the image. Pure."""
+"""Fits images of any size into a model's input, and maps coordinates back to the image. Pure."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -24,21 +24,21 @@ class Axis:
     input: int
 
     def to_image(self, places: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return where places in the input are in the image, none of them outside."""
+        """Map coordinates of the input to the image, clipped to its borders."""
         inside = (places - np.float32(self.before)) * np.float32(self.image / self.content)
         return np.asarray(np.clip(inside, 0, self.image), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
 class Letterbox:
-    """An image in the middle of a model's input, scaled and padded to fit, or stretched to all of it."""
+    """The placement of an image in a model's input: scaled and padded to fit, or stretched to fill it."""
 
     rows: Axis
     columns: Axis
 
     @classmethod
     def fit(cls, height: int, width: int, longest: int, stride: int, *, stretched: bool = False) -> "Letterbox":
-        """Scale an image's longer side to `longest`, and pad it to the smallest input, as Ultralytics' `rect` does.
+        """Scale an image's longer side to `longest` and pad it to the smallest input, as Ultralytics' `rect` does.
 
         All in pixels; the input's sides are multiples of `stride`. stretched: both sides to `longest`, as RT-DETR's.
         """

@@ -1,4 +1,4 @@
-"""Settings to a model that is ready."""
+"""Loads a model that is ready to use, from settings."""
 
 import logging
 import os
@@ -73,7 +73,7 @@ def load(settings: DetectorSettings, folder: Path, refiner: Refiner | None = Non
 
 @dataclass(frozen=True, slots=True)
 class _Read:
-    """Weights that are a model, and what is to count as its detections. what: it is, to whoever named it."""
+    """Loaded weights and their detection criteria. what: how to call them in messages."""
 
     weights: "Weights"
     criteria: Criteria
@@ -124,7 +124,7 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
 
 
 def tracking(settings: DetectorSettings, model: Model) -> Tracking | None:
-    """Return what follows the objects of a model from frame to frame; the model must have been loaded here."""
+    """Return the tracker of a model's objects; the model must have been loaded here."""
     if settings.tracker == "off":
         return None
     from services.detector.tracking.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
@@ -189,7 +189,7 @@ def _threads(settings: DetectorSettings) -> int:
 
 
 def _refiner(network: "RefinerNetwork", runtime: Runtime, device: "torch.device", threads: int) -> Refiner:
-    """Return the refiner under ONNX Runtime where that is of use and works, else under torch. Run once: see `load`.
+    """Return the refiner under ONNX Runtime where that helps and works, else under torch. Run once: see `load`.
 
     Under OpenVINO it takes as long.
     """
@@ -244,7 +244,7 @@ def _make(
 
 
 def _loaded(engine: Callable[[Path], Engine], file: Callable[..., Path]) -> Engine:
-    """Return the model as an exported file has it; one that cannot be loaded may be damaged, and is exported again."""
+    """Return the exported model; one that cannot be loaded may be damaged, and is exported again."""
     path = file()
     try:
         return engine(path)

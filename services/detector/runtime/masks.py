@@ -1,4 +1,4 @@
-"""Binary masks to COCO run-length encoding, which counts down the columns of the whole image. Pure."""
+"""Encodes binary masks as COCO run-length encoding, in column order of the whole image. Pure."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -29,7 +29,7 @@ def encode_all(windows: Iterable[Window], height: int, width: int) -> Iterator[M
 
 
 def _groups(windows: Iterable[Window]) -> Iterator[list[Window]]:
-    """Return windows, so few that they are encoded in little memory."""
+    """Return groups of windows that are small enough to be encoded in little memory."""
     group: list[Window] = []
     pixels = 0
     for window in windows:
@@ -50,7 +50,7 @@ def _encoded(windows: Sequence[Window], height: int, width: int) -> list[str]:
 
 
 def _edges(windows: Sequence[Window], height: int) -> tuple[Integers, Integers]:
-    """Return where runs of ones begin and end in the image, in turn, and of which window; none spans two columns."""
+    """Return the begin and end of the runs of ones in the image, and their window; no run spans two columns."""
     highs = np.array([window.pixels.shape[0] for window in windows]) + 1
     sizes = np.array([window.pixels.shape[1] for window in windows]) * highs
     starts = np.cumsum(sizes) - sizes
@@ -66,14 +66,14 @@ def _edges(windows: Sequence[Window], height: int) -> tuple[Integers, Integers]:
 
 
 def _merged(edges: Integers, whose: Integers) -> tuple[Integers, Integers]:
-    """Join runs of a window that follow on each other without a gap."""
+    """Join adjacent runs of a window."""
     apart = np.ones(len(edges), np.bool_)
     apart[1:-1:2] = apart[2::2] = (edges[1:-1:2] != edges[2::2]) | (whose[1:-1:2] != whose[2::2])
     return edges[apart], whose[apart]
 
 
 def _counts(edges: Integers, whose: Integers, masks: int, size: int) -> tuple[Integers, Integers]:
-    """Return how many zeros and ones there are in turn in masks of `size` pixels, zeros first, and each one's first."""
+    """Return the lengths of runs of zeros and ones in masks of `size` pixels, zeros first, and each mask's first."""
     of = np.arange(masks)
     borders = np.searchsorted(whose, of, side="right") + of
     line = np.empty(len(edges) + masks, np.int64)  # where values change, all masks one after the other
@@ -100,7 +100,7 @@ def _texts(counts: Integers, firsts: Integers) -> list[str]:
 
 
 def _letters(numbers: Integers) -> tuple[str, NDArray[np.intp]]:
-    """Write numbers in groups of five bits; also return how many letters each has."""
+    """Write numbers in groups of five bits; also return the number of characters of each."""
     groups = numbers[:, None] >> _SHIFTS
     low = groups & 0x1F
     rest = groups >> 5
@@ -119,19 +119,19 @@ KEPT: Final = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Taps:
-    """Pixel n is `share` of the way from the place `before` to the next one."""
+    """Interpolation weights: pixel n is `share` of the way from the place `before` to the next one."""
 
     before: NDArray[np.int64]
     share: Floats
 
     @classmethod
     def of(cls, axis: Axis, size: int) -> "Taps":
-        """Find all of the image's pixels among `size` places; the image's padding has no say."""
+        """Compute the taps of all pixels of the image among `size` places; its padding is ignored."""
         return _taps(axis, size)
 
     @classmethod
     def within(cls, axis: Axis, first: int, last: int, size: int) -> "tuple[int, Taps]":
-        """Find the image's pixels that lie between two places of the model's input among `size` places of that window.
+        """Compute the taps of the image's pixels between two places of the model's input, among `size` places of it.
 
         Also return the first of these pixels.
         """
@@ -145,13 +145,13 @@ class Taps:
         return begin, cls(before, (places - before).astype(np.float32)[:, None])
 
     def cut(self, begin: int, end: int) -> tuple[slice, "Taps"]:
-        """Return which places the pixels from `begin` to `end` need, and the taps of those pixels among them."""
+        """Return the places that the pixels from `begin` to `end` need, and the taps of these pixels among them."""
         before = self.before[begin:end]
         first, last = (int(before[0]), int(before[-1]) + 2) if len(before) else (0, 1)
         return slice(first, last), Taps(before - first, self.share[begin:end])
 
     def apply(self, places: Floats) -> Floats:
-        """Interpolate rows of places: one row per pixel. After the last place there is nothing but that place again."""
+        """Interpolate rows of places: one row per pixel. The last place is repeated beyond the end."""
         steps = np.zeros_like(places)
         np.subtract(places[1:], places[:-1], out=steps[:-1])
         values = np.take(steps, self.before, axis=0)

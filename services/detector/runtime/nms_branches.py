@@ -1,4 +1,4 @@
-"""The branches of a model's head: NMS-free models have two, trained together, of which one finds each object once."""
+"""Selects the branch of a model's head: NMS-free models have two, one of which finds each object once."""
 
 from typing import Any, Final
 
@@ -12,11 +12,11 @@ ONE_TO_ONE: Final = "one2one_"
 
 
 class HeadError(Exception):
-    """A model without the head that is asked for; the message says why."""
+    """The model has not the requested head; the message says why."""
 
 
 def head_of(model: Any, *, nms: bool | None) -> Head:
-    """Return how objects are read off a model's output. nms: as asked for; None for Ultralytics' own default.
+    """Return how to read objects from a model's output. nms: as requested; None for Ultralytics' default.
 
     Raises:
         HeadError: the model has no such head.
@@ -37,7 +37,7 @@ def head_of(model: Any, *, nms: bool | None) -> Head:
 
 
 def keep_branch(model: Any, head: Head) -> None:
-    """Leave a model one branch of its head, whose output is then the same under every runtime.
+    """Reduce the head to one branch, so that the output is the same under every runtime.
 
     What Ultralytics' own NMS-free head puts out is a choice of the best, of a number of objects that an exported file
     fixes; the branch itself puts out every place of the image, as any other.

@@ -1,4 +1,4 @@
-"""Ultralytics and ONNX Runtime, kept off the network: nothing is fetched, installed or reported."""
+"""Keeps Ultralytics and ONNX Runtime off the network: no downloads, installs or telemetry."""
 
 import logging
 import os
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def keep_offline(folder: Path, *, download: bool) -> None:
-    """Say so to both, which read their environment when they are first imported.
+    """Set the environment variables that both read on their first import.
 
     folder: where Ultralytics keeps its settings, so that they are nobody's but ours. download: weights alone may be
     fetched.

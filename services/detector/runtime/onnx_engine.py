@@ -26,7 +26,7 @@ NO_MEMORY: Final = (
 
 
 def session_options(threads: int) -> onnxruntime.SessionOptions:
-    """Return the options to compute with so many threads, which do not spin while there is nothing to do."""
+    """Return session options for this many threads, which do not spin while idle."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
     options.log_severity_level = ERRORS_ONLY
@@ -35,19 +35,19 @@ def session_options(threads: int) -> onnxruntime.SessionOptions:
 
 
 def is_out_of_memory(error: Exception) -> bool:
-    """Return whether ONNX Runtime, whose errors have no type for that, found too little memory on the GPU."""
+    """Return whether an error of ONNX Runtime means that the GPU ran out of memory; there is no type for it."""
     return any(sign in str(error).lower() for sign in NO_MEMORY)
 
 
 def providers(gpu: int | None, able: Sequence[str]) -> list[Provider]:
-    """Return what is to compute, of what the installed ONNX Runtime is able to use. gpu: its number, None for none."""
+    """Return the execution providers to use, of those that are installed. gpu: its number, None for none."""
     if gpu is None or _CUDA not in able:
         return [_CPU]
     return [(_CUDA, {"device_id": str(gpu)}), _CPU]
 
 
 class OnnxEngine:
-    """Runs an ONNX file on the processor, or on a GPU where the installed ONNX Runtime can; see `providers`."""
+    """Runs an ONNX file on the CPU, or on a GPU where the installed ONNX Runtime can; see `providers`."""
 
     def __init__(self, path: Path, threads: int, *, gpu: int | None) -> None:
         able = onnxruntime.get_available_providers()

@@ -1,4 +1,4 @@
-"""A model under OpenVINO, which reads ONNX files itself, and takes pixels as they are."""
+"""A model under OpenVINO, which reads ONNX files itself and takes pixels unchanged."""
 
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +18,7 @@ DEVICE: Final = "CPU"
 
 
 def hints(threads: int) -> dict[str, Any]:
-    """Return the configuration to compute with so many threads."""
+    """Return the configuration for this many threads."""
     return {
         "PERFORMANCE_HINT": "LATENCY",
         "INFERENCE_NUM_THREADS": threads,
@@ -27,7 +27,7 @@ def hints(threads: int) -> dict[str, Any]:
 
 
 class OpenVinoEngine:
-    """Runs an ONNX file on the processor, in the precision that OpenVINO finds fastest there."""
+    """Runs an ONNX file on the CPU, in the precision that OpenVINO finds fastest there."""
 
     def __init__(self, path: Path, threads: int) -> None:
         # OpenVINO gives the thread that makes a model another stack for signals, and unmaps it with the model: where

@@ -1,4 +1,4 @@
-"""How well boxes lie on each other, also where the border of the image may have cut them. Pure.
+"""Computes the overlap of boxes, also where the image border may cut them. Pure.
 
 Boxes are corners in pixels (n x 4: left, top, right, bottom), sizes an image's width and height.
 """
@@ -24,17 +24,17 @@ def boxes_of(objects: Sequence[Detection]) -> Floats:
 
 
 def ious(boxes: Floats, others: Floats) -> Floats:
-    """Return boxes x others: the area that both cover over the area that either covers; 0 where that is none."""
+    """Return the IoU of boxes x others; 0 where the union is empty."""
     return _ious(boxes[:, None, :2], boxes[:, None, 2:], others)
 
 
 def at_border(boxes: Floats, size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Return which sides (n x 4) lie at the border: what is seen there may be a part of the object alone."""
+    """Return which sides (n x 4) lie at the border, where the object may be cut off."""
     return np.concatenate([boxes[:, :2] <= NEAR, boxes[:, 2:] >= np.subtract(size, NEAR)], axis=1)
 
 
 def overlaps(boxes: Floats, found: Floats, cut: NDArray[np.bool_], size: tuple[int, int]) -> Floats:
-    """Return boxes x found: the IoU of what of a box is in the image with what was found.
+    """Return boxes x found: the IoU of the visible part of each box with each found box.
 
     cut: the boxes' sides that were at the border. What comes into view there belongs to the box if it was found.
     """
@@ -58,7 +58,7 @@ MAX_SCORE_GAP: Final = 0.05
 
 
 def difference(ours: Sequence[Detection], theirs: Sequence[Detection], confidence: float) -> str | None:
-    """Say how two runtimes' objects differ by more than rounding, or None.
+    """Describe how two runtimes' objects differ by more than rounding, or return None.
 
     What one finds and the other does not counts only if its score is more than MAX_SCORE_GAP above the confidence.
     """

@@ -1,4 +1,4 @@
-"""A model at work: images are prepared and objects read off in threads while the engine computes the next batch."""
+"""Runs a model: threads prepare images and read objects while the engine computes the next batch."""
 
 import asyncio
 import logging
@@ -32,7 +32,7 @@ ANYTHING: Final = Criteria(confidence=0, max_detections=1)
 
 
 def prove(engine: Engine, blank: NDArray[np.uint8], names: Mapping[int, str], stride: int, head: Head = "nms") -> None:
-    """Compute an empty image, 1 x height x width x RGB, and read it as any other; names, stride, head are the model's.
+    """Compute an empty image, 1 x height x width x RGB, and read it like any other; names, stride, head: the model's.
 
     Raises:
         OutputError: nothing can be read off the output. What the engine raises beside it says that it does not work.
@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What a model is. names: of its classes, by label. longest: its input's longer side in pixels.
+    """Facts about a model. names: of its classes, by label. longest: longer side of its input in pixels.
 
     head: how objects are read off its output.
     """
@@ -62,7 +62,7 @@ class Facts:
     head: Head = "nms"
 
     def letterbox(self, height: int, width: int) -> Letterbox:
-        """Return how an image of this size is put into the model's input."""
+        """Return how an image of this size is fitted into the model's input."""
         return Letterbox.fit(height, width, self.longest, self.stride, stretched=self.head == "rt-detr")
 
 
@@ -148,7 +148,7 @@ class Pipeline:
                 before.add_done_callback(lambda _: ended.set_result(None))
 
     def run(self, batch: Sequence[Request]) -> Sequence[Outcome]:
-        """Do what `infer` does, on this thread but for the engine's part; from several threads at once if one likes."""
+        """Run `infer` on this thread, except for the engine's part; safe from several threads at once."""
         outcomes: dict[int, Outcome] = {}
         by_shape: defaultdict[tuple[int, int], list[_Prepared]] = defaultdict(list)
         for index, request in enumerate(batch):
@@ -176,7 +176,7 @@ class Pipeline:
         return _Prepared(index, letterbox, pixels, time.perf_counter_ns() - began_ns)
 
     def _computed(self, images: list[_Prepared]) -> list[tuple[_Prepared, Output | Exception, int]]:
-        """Compute images of one shape; where the batch fails, each alone."""
+        """Compute images of one shape; if the batch fails, one by one."""
         batch = images[0].pixels[None] if len(images) == 1 else np.stack([each.pixels for each in images])
         try:
             outputs, took_ns = self._computing.submit(self._compute, batch).result()
@@ -196,7 +196,7 @@ class Pipeline:
         return [(each, output, took_ns) for each, output in zip(images, outputs, strict=True)]
 
     def _prove(self) -> None:
-        """Raise ModelError unless the engine still works: a GPU that had an error computes nothing, or nonsense."""
+        """Raise ModelError unless the engine still works: after an error, a GPU computes nothing or nonsense."""
         try:
             facts = self.facts
             about = (self._blank, facts.names, facts.stride, facts.head)
@@ -205,7 +205,7 @@ class Pipeline:
             raise ModelError(f"{self.name} works no longer: {first_line(error)}") from error
 
     def _compute(self, batch: NDArray[np.uint8]) -> tuple[list[Output], int]:
-        """Run the engine. On its own thread."""
+        """Run the engine, on its own thread."""
         began_ns = time.perf_counter_ns()
         outputs = self._engine.run(batch)
         took_ns = time.perf_counter_ns() - began_ns
@@ -215,7 +215,7 @@ class Pipeline:
         return outputs, took_ns
 
     def _check(self, batch: NDArray[np.uint8], ours: Output, reference: Engine) -> None:
-        """Remark that the engine finds something else than the reference, or that nobody knows."""
+        """Add a remark if the engine's results differ from the reference's, or cannot be checked."""
         try:
             differing = self._difference(batch, ours, reference.run(batch)[0])
             found = None if differing is None else f"differs from torch: {differing}"
@@ -256,7 +256,7 @@ class Pipeline:
     def _refined(
         self, refiner: Refiner, image: NDArray[np.uint8], found: Candidates, prototypes: NDArray[np.float32]
     ) -> tuple[CloseUps, Refined] | None:
-        """Look at objects closely. The refiner takes its turns with the engine: each has all processors to itself."""
+        """Refine masks. The refiner takes turns with the engine: each uses all processors."""
         seen = close_ups(image, found, prototypes)
         try:
             refined = self._computing.submit(refiner.run, seen).result()
@@ -270,7 +270,7 @@ class Pipeline:
         return seen, refined
 
     def _remark_unrefined(self, error: Exception) -> None:
-        """Say it once: the next images will hardly fare better."""
+        """Log the failure once: the next images will hardly fare better."""
         if not self._leaves_coarse:
             self._leaves_coarse = True
             self._remark(f"{self.name} leaves masks coarse where refining them fails: {first_line(error)}")

@@ -1,4 +1,4 @@
-"""A model's output to objects, as Ultralytics does it, but each mask only where its box is, and its own. Pure."""
+"""Turns a model's output into objects as Ultralytics does, but with masks computed only in their boxes. Pure."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -45,12 +45,12 @@ NOTHING: Final = np.float32(-10)
 
 
 class OutputError(ValueError):
-    """What a model put out is not what one of its task puts out."""
+    """The output does not fit the model's task."""
 
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """What a model says of one image.
+    """A model's output for one image.
 
     predictions: (4 + classes + mask coefficients) x anchors, boxes as centre and size in pixels of the input; or, of a
     model that suppresses doubles itself, objects x (corners, score, class, mask coefficients); or, of RT-DETR, objects
@@ -77,7 +77,7 @@ def objects(
     refine: Refine | None = None,
     head: Head = "nms",
 ) -> list[Detection]:
-    """Return the objects of an image, best score first, with masks if asked for and known, refined if that is known.
+    """Return the objects of an image, best score first, with masks if wanted and available, refined if possible.
 
     An object of whose mask there is no pixel is left out, whether masks are asked for or not.
 
@@ -115,12 +115,12 @@ def _judged(mask: Mask, quality: float) -> Mask:
 
 
 def _is_dense(output: Output, classes: int) -> bool:
-    """Return whether an output has a number for every place of the image."""
+    """Return whether an output has one value for every place of the image."""
     return len(output.predictions) == PLACES + classes + _coefficients(output)
 
 
 def _coefficients(output: Output) -> int:
-    """Return how many mask coefficients an object has."""
+    """Return the number of mask coefficients per object."""
     return 0 if output.prototypes is None else len(output.prototypes)
 
 
@@ -130,7 +130,7 @@ def _without_doubles(found: Candidates, criteria: Criteria) -> NDArray[np.int64]
 
 
 def _candidates(output: Output, letterbox: Letterbox, classes: int, criteria: Criteria, head: Head) -> Candidates:
-    """Return what is sure enough and of a class that is reported, best first."""
+    """Return the candidates of reported classes above the score threshold, best first."""
     found = _read(output, letterbox, classes, criteria, head)
     if not (np.isfinite(found.corners).all() and np.isfinite(found.coefficients).all()):
         raise OutputError("a box or a mask that is not a number")
@@ -158,7 +158,7 @@ def _best_class(output: Output, classes: int, criteria: Criteria) -> Candidates:
 
 
 def _every_class(output: Output, classes: int, criteria: Criteria) -> Candidates:
-    """Return a candidate for each class that is sure enough at a place: the surest, as many as Ultralytics does."""
+    """Return one candidate per class above the threshold at each place: the best, as many as Ultralytics takes."""
     scores = output.predictions[PLACES : PLACES + classes].reshape(-1)
     sure = _sure(scores, criteria)
     places = output.predictions.shape[1]
@@ -170,7 +170,7 @@ def _every_class(output: Output, classes: int, criteria: Criteria) -> Candidates
 
 
 def _at(output: Output, places: NDArray[np.intp], labels: NDArray[np.int64], classes: int) -> Candidates:
-    """Return what an output has at places, of one class each."""
+    """Return the candidates at places of an output, of one class each."""
     chosen = np.ascontiguousarray(output.predictions[:, places].T, np.float32)
     scores = np.take_along_axis(chosen, PLACES + labels[:, None], axis=1)[:, 0]
     return Candidates(_corners(chosen), scores, labels, chosen[:, PLACES + classes :])
@@ -182,7 +182,7 @@ def _corners(rows: Floats) -> Floats:
 
 
 def _sure(scores: Floats, criteria: Criteria) -> NDArray[np.intp]:
-    """Return which scores are high enough; one that is not a number is no low one: nobody knows what is in view."""
+    """Return which scores are high enough; raise for NaN, which says nothing of what is in view."""
     if np.isnan(scores).any():
         raise OutputError("a score that is not a number")
     return np.flatnonzero(scores > criteria.confidence)
@@ -203,7 +203,7 @@ def _queries(output: Output, letterbox: Letterbox, classes: int, criteria: Crite
 
 
 def _apart(found: Candidates, prototypes: Floats, letterbox: Letterbox) -> NDArray[np.int64]:
-    """Return which objects, best first, have a pixel, and are not MOSTLY covered by better ones of their class."""
+    """Return which objects, best first, have a pixel and are not MOSTLY covered by better ones of their class."""
     height, width = prototypes.shape[1:]
     scale = np.array([width / letterbox.columns.input, height / letterbox.rows.input] * 2, np.float32)
     windows = np.clip(np.rint(found.corners * scale), 0, [width, height] * 2).astype(int).tolist()
@@ -236,7 +236,7 @@ def _in_image(corners: Floats, letterbox: Letterbox) -> Floats:
 
 
 def _windows(coefficients: Floats, boxes: Floats, prototypes: Floats, letterbox: Letterbox) -> Iterator[Window]:
-    """Return masks in the image's own resolution: the prototypes' sum, interpolated where the box is, above zero."""
+    """Return masks at image resolution: the weighted sum of prototypes, interpolated in the box, above zero."""
     rows, columns = Taps.of(letterbox.rows, prototypes.shape[1]), Taps.of(letterbox.columns, prototypes.shape[2])
     for weights, (left, top, right, bottom) in zip(coefficients, np.ceil(boxes).astype(int).tolist(), strict=True):
         high, down = rows.cut(top, bottom)
@@ -247,7 +247,7 @@ def _windows(coefficients: Floats, boxes: Floats, prototypes: Floats, letterbox:
 
 
 def _fitted(boxes: Floats, windows: Iterator[Window]) -> Iterator[Window]:
-    """Pass masks on, of which there may be too many for all at once, and put each box around what its mask has."""
+    """Yield masks in memory-bounded groups, and shrink each box to its mask."""
     for box, window in zip(boxes, windows, strict=True):
         rows, columns = np.flatnonzero(window.pixels.any(axis=1)), np.flatnonzero(window.pixels.any(axis=0))
         if rows.size:
@@ -257,7 +257,7 @@ def _fitted(boxes: Floats, windows: Iterator[Window]) -> Iterator[Window]:
 
 
 def _refined(seen: CloseUps, odds: Floats, letterbox: Letterbox) -> Iterator[Window]:
-    """Return masks in the image's own resolution: the odds of close-ups, interpolated, above zero."""
+    """Return masks at image resolution: the close-ups' log odds, interpolated, above zero."""
     for pixels, (left, top, right, bottom), found in zip(seen.pixels, seen.windows.tolist(), odds, strict=True):
         mask = found > 0
         small = np.where(mask & ~own_parts(mask, pixels[..., BOX] > 0), NOTHING, found)

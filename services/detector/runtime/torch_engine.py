@@ -1,4 +1,4 @@
-"""A model under PyTorch, or an engine file under TensorRT: what Ultralytics' AutoBackend runs on tensors."""
+"""A model under PyTorch, or an engine file under TensorRT, run on tensors by Ultralytics' AutoBackend."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ class TorchEngine:
 
 
 def _parts(found: Any) -> tuple[torch.Tensor, torch.Tensor | None]:
-    """Take apart what a model returns: predictions, in a segmentation model with prototypes, and what losses need."""
+    """Split a model's output into predictions, prototypes (segmentation models only) and inputs of the losses."""
     first = found[0] if isinstance(found, list | tuple) else found
     if isinstance(first, list | tuple):
         return first[0], first[1]

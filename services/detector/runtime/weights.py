@@ -1,4 +1,4 @@
-"""Weights of a model: what it is a model of, and its module."""
+"""Reads the weights of a model: its task, classes and module."""
 
 import hashlib
 from collections.abc import Mapping
@@ -55,7 +55,7 @@ class Weights:
 def load_weights(
     model: str, option: str = "--model", *, refine: bool = True, nms: bool | None = None, download: bool = False
 ) -> Weights:
-    """Read a checkpoint; nothing in it is executed. The file that is named is the one that is read.
+    """Read exactly the named checkpoint; nothing in it is executed.
 
     refine: with its refiner. nms: whether overlapping boxes are suppressed, or the model's NMS-free head is used; None
     for Ultralytics' own default. download: let Ultralytics fetch what is not here.
@@ -101,7 +101,7 @@ def load_weights(
 
 
 def _check(module: Any, what: str) -> None:
-    """Raise ModelError or CheckpointError for a model of another task, or of other images than a camera's."""
+    """Raise ModelError or CheckpointError for a model of another task, or for images unlike a camera's."""
     if module.task not in TASKS:
         raise ModelError(f"{what}: a model for {module.task!r}, not for one of {', '.join(TASKS)}")
     channels = getattr(module, "yaml", {}).get("channels", COLOURS)
@@ -110,7 +110,7 @@ def _check(module: Any, what: str) -> None:
 
 
 def _names(module: Any) -> dict[int, str]:
-    """Return the names of a model's classes, by label; renamed ones are often a list.
+    """Return the names of a model's classes, by label; renamed classes are often a list.
 
     Raises:
         CheckpointError: they are not one for each class.
@@ -139,7 +139,7 @@ def _label(key: Any) -> Any:
 
 
 def _sendable(name: str) -> str:
-    """Return a name with half of a character, which no message can carry, as its escape."""
+    """Return a name with lone surrogates escaped, which messages cannot carry."""
     return name.encode("utf-8", "backslashreplace").decode()
 
 
@@ -150,7 +150,7 @@ def _longest(content: Mapping[str, Any]) -> int:
 
 
 def device_of(name: str | None) -> torch.device:
-    """Return the device of a name that Ultralytics knows, or the best there is.
+    """Return the device of a name that Ultralytics knows, or the best available.
 
     Raises:
         ModelError: it is not there.
@@ -165,6 +165,6 @@ def device_of(name: str | None) -> torch.device:
 
 
 def _kind_of(name: str) -> str:
-    """Return the type of the device that is asked for; numbers alone are those of GPUs."""
+    """Return the type of the requested device; plain numbers are GPUs."""
     kind = name.strip().partition(":")[0].lower()
     return kind if kind.isalpha() else "cuda"

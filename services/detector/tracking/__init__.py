@@ -1,1 +1,1 @@
-"""Objects followed from frame to frame of one camera."""
+"""Follows objects from frame to frame of one camera."""

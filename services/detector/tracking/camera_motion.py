@@ -1,4 +1,4 @@
-"""How everything in a camera's picture moves from one picture to the next, by dense optical flow. Pure.
+"""Estimates how the parts of a camera's image move between two frames, by dense optical flow. Pure.
 
 A robot that turns moves what is near and what is far differently, so each object is moved by what lies in its own box:
 the median flow there, and how that grows across it (Kalal et al., "Forward-Backward Error", 2010, with a flow that is
@@ -38,7 +38,7 @@ MOST_GROWTH: Final = 0.3
 
 
 class Motion:
-    """The flow between the last two pictures of one camera, each height x width in grey."""
+    """The flow between the last two images of one camera, each height x width in grey."""
 
     def __init__(self) -> None:
         self._flow = _dense_flow()
@@ -69,7 +69,7 @@ def _dense_flow() -> cv2.DISOpticalFlow:
 
 
 def leap(before: Picture, after: Picture) -> tuple[float, float]:
-    """Return about how far a picture moved as a whole (right, down)."""
+    """Return roughly how far an image moved as a whole (right, down)."""
     factor = before.shape[1] / GLIMPSE
     size = (GLIMPSE, max(1, round(before.shape[0] / factor)))
     small, then = (cv2.resize(each, size, interpolation=cv2.INTER_AREA) for each in (before, after))
@@ -79,7 +79,7 @@ def leap(before: Picture, after: Picture) -> tuple[float, float]:
 
 
 def _found(strip: NDArray[Any], within: NDArray[Any], begin: int) -> tuple[float, int, int]:
-    """Return how well a strip is found, at most 1, and how far away; one without anything to see stays where it is."""
+    """Return how well a strip matches, at most 1, and its distance; a featureless strip stays in place."""
     if np.ptp(strip) == 0:
         return -1.0, 0, 0
     _, best, _, (column, row) = cv2.minMaxLoc(cv2.matchTemplate(within, strip, cv2.TM_CCOEFF_NORMED))
@@ -87,7 +87,7 @@ def _found(strip: NDArray[Any], within: NDArray[Any], begin: int) -> tuple[float
 
 
 def moved(boxes: NDArray[Any], flow: Floats, scale: float) -> Floats:
-    """Return where boxes (n x 4, corners in pixels of the image) are after a flow of the image.
+    """Return the boxes (n x 4, corners in pixels of the image) moved by the flow of the image.
 
     scale: how many times as big as the image the picture is whose flow it is.
     """
@@ -108,7 +108,7 @@ def moved(boxes: NDArray[Any], flow: Floats, scale: float) -> Floats:
 
 
 def _growth(flows: Floats, sides: Floats) -> Floats:
-    """Return by how much sides grow, as a share of themselves, whose samples in order moved that far (n x SAMPLES)."""
+    """Return the relative growth of sides whose ordered samples moved this far (n x SAMPLES)."""
     steps = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
     slopes = flows @ steps / (steps @ steps)
     return np.where(sides < LEAST_SCALED, 0.0, slopes / np.maximum(sides, LEAST_SCALED))

@@ -1,4 +1,4 @@
-"""Which tracks have earned a number. Pure.
+"""Decides which tracks are confirmed and get a number. Pure.
 
 What is seen again and again gathers evidence, as tracks do in multiple hypothesis tracking (Reid, "An Algorithm for
 Tracking Multiple Targets", 1979; its score of a track is the sum of log-likelihood ratios): each sighting adds the log
@@ -38,7 +38,7 @@ MAX_TRACKS: Final = 10_000
 
 
 class ConfirmedTracks:
-    """Numbers, from 1 on without gaps, for those of a tracker's tracks that have earned one.
+    """Assigns numbers, from 1 on without gaps, to a tracker's tracks once they are confirmed.
 
     neutral: the score, between 0 and 1, that speaks neither for a thing nor against it.
     """
@@ -68,7 +68,7 @@ class ConfirmedTracks:
 
 
 def neutral_score(confidence: float) -> float:
-    """Return the neutral score of a model of which only the least score that it reports is known; see LEEWAY."""
+    """Return the neutral score of a model of which only the minimum reported score is known; see LEEWAY."""
     return 1 / (1 + math.exp(LEEWAY - _log_odds(_clipped(confidence))))
 
 

@@ -1,4 +1,4 @@
-"""Ultralytics' trackers, each on the results of one camera alone. They know no appearance, so they fetch no model."""
+"""Runs Ultralytics' trackers, one per camera. They do not use appearance, so they download no model."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -50,7 +50,7 @@ matched with apart from others, as ByteTrack does, is not `get_dists`, and may b
 
 
 class LastSeen(KalmanFilterXYWH):
-    """No filter: an object is where it was last seen, and where the image has moved since."""
+    """Replaces the Kalman filter: an object is at its last position, moved with the image."""
 
     def update(
         self, mean: NDArray[Any], covariance: NDArray[Any], measurement: NDArray[Any], confidence: float | None = None
@@ -61,7 +61,7 @@ class LastSeen(KalmanFilterXYWH):
 
 
 class MovingBOTSORT(BOTSORT):
-    """BoT-SORT whose tracks move with what lies in their boxes, instead of all by one motion of the camera.
+    """BoT-SORT whose tracks move with the image inside their boxes, instead of with one motion of the camera.
 
     An image that it is given (`update`) is the flow since the last one; see `Motion.look`. `size`: width and height of
     the real one. A detection goes on with tracks of its class alone.
@@ -77,7 +77,7 @@ class MovingBOTSORT(BOTSORT):
         return LastSeen()  # type: ignore[no-untyped-call]
 
     def multi_predict(self, tracks: list[Any]) -> None:
-        """Leave tracks where they are: what moves them is the image."""
+        """Leave tracks in place: only the image moves them."""
 
     def _pre_first_associate(self, pool: list[Any], unconfirmed: list[Any], flow: Any, results_high: Any) -> None:
         del results_high
@@ -91,14 +91,14 @@ class MovingBOTSORT(BOTSORT):
             track.mean[:2], track.mean[2:4] = (place[:2] + place[2:]) / 2, place[2:] - place[:2]
 
     def get_dists(self, tracks: list[Any], detections: list[Any]) -> NDArray[np.float32]:
-        """Return tracks x detections: 1 less their overlap; 1 where classes differ."""
+        """Return tracks x detections: 1 minus their overlap; 1 where classes differ."""
         boxes, found = (np.array([each.xyxy for each in many]).reshape(-1, 4) for many in (tracks, detections))
         cut = np.array([self._at_border[each.track_id] for each in tracks], np.bool_).reshape(-1, 4)
         same = np.equal.outer([each.cls for each in tracks], [each.cls for each in detections])
         return np.where(same, 1 - overlaps(boxes, found, cut, self.size), 1).astype(np.float32)
 
     def _format_output(self) -> NDArray[np.float32]:
-        """Return this frame's tracks, those seen for the first time among them: evidence decides, not the count."""
+        """Return this frame's tracks, including new ones: evidence confirms them, not the count."""
         return np.array([each.result for each in self.tracked_stracks], np.float32)
 
 
@@ -145,7 +145,7 @@ class UltralyticsTracker:
         self._tracker.args.track_high_thresh = self._tracker.args.new_track_thresh = least
 
     def _frames_until(self, now_ns: int) -> int:
-        """Return how many frames ago something may have been seen last that the next frame may still find."""
+        """Return the maximum number of frames since an object was last seen for the next frame to find it again."""
         self._times_ns.append(now_ns)
         while self._times_ns[0] < now_ns - LOST_NS:
             self._times_ns.popleft()

@@ -31,11 +31,11 @@ class Tracker(Protocol):
     """Follows the objects of one camera."""
 
     def update(self, objects: Sequence[Detection], frame: ImageFrame) -> Sequence[int | None]:
-        """Take the next frame's objects; return each one's number, from 1, or None while it is not sure of it."""
+        """Take the next frame's objects; return each one's number, from 1, or None while it is unconfirmed."""
 
 
 class CameraTracks:
-    """One camera's objects: a new tracker whenever the old one's frames have nothing to do with the new ones."""
+    """Tracks of one camera; a new tracker starts whenever frames no longer continue the old ones."""
 
     def __init__(self, make: Callable[[], Tracker]) -> None:
         self._make = make
@@ -44,7 +44,7 @@ class CameraTracks:
         self._epoch = secrets.randbits(EPOCH_BITS)
 
     def follow(self, objects: list[Detection], frame: ImageFrame) -> list[Detection]:
-        """Return the objects with the numbers of their tracks."""
+        """Return the objects with their track numbers."""
         if self._last is not None and not _goes_on(self._last, frame.header):
             self._begin()
         self._last = frame.header
@@ -68,7 +68,7 @@ def _goes_on(last: Header, now: Header) -> bool:
 
 
 class Tracking:
-    """Follows the objects of any number of cameras, on a thread of its own.
+    """Follows the objects of any number of cameras, on its own thread.
 
     max_cameras: whose objects are remembered; those of the camera seen longest ago are forgotten first.
     """
@@ -80,11 +80,11 @@ class Tracking:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="tracks")
 
     def close(self) -> None:
-        """Follow nothing more; what is under way is not waited for."""
+        """Stop, without waiting for frames in progress."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     async def follow(self, request: Request, found: DetectedObjects) -> DetectedObjects:
-        """Return what was found with the numbers of its tracks. Frames are taken in the order of the calls.
+        """Return the detections with their track numbers. Frames are processed in the order of the calls.
 
         What cannot be followed has none, and its camera begins anew.
         """

@@ -1,4 +1,4 @@
-"""The master API: what nodes and tools call on a master; the calls it makes back are queued for a notifier."""
+"""The master API for nodes and tools; its calls back to nodes are queued for a notifier."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ MAX_PARAMETER_SUBSCRIPTIONS = 20_000
 
 
 class Notifier(Protocol):
-    """Calls nodes back, later; only the newest of the calls with one node, method and key counts."""
+    """Queues calls to nodes; a newer call with the same node, method and key replaces an older one."""
 
     def notify(self, uri: str, method: str, key: str, *params: Any) -> None: ...
 
 
 class MasterApi:
-    """Answers the master API's calls; the first parameter of each is the caller's name."""
+    """Answers calls of the master API; the first parameter of each is the caller's name."""
 
     def __init__(self, notifier: Notifier) -> None:
         self.uri = ""
@@ -81,7 +81,7 @@ class MasterApi:
         self._graph.leave(caller)
         if removed:
             self._tell_subscribers([topic])
-        return "unregistered" if removed else f"{caller} is no publisher of {topic}", int(removed)
+        return "unregistered" if removed else f"{caller} is not a publisher of {topic}", int(removed)
 
     def _register_subscriber(self, caller: str, topic: str, type_name: str, uri: str) -> tuple[str, Any]:
         kind = _type(type_name)
@@ -94,7 +94,7 @@ class MasterApi:
         topic = resolve(topic, caller)
         removed = self._graph.subscribers.remove(topic, caller, uri)
         self._graph.leave(caller)
-        return "unregistered" if removed else f"{caller} is no subscriber of {topic}", int(removed)
+        return "unregistered" if removed else f"{caller} is not a subscriber of {topic}", int(removed)
 
     def _register_service(self, caller: str, service: str, service_uri: str, uri: str) -> tuple[str, Any]:
         service_uri = _uri(service_uri)
@@ -161,7 +161,7 @@ class MasterApi:
     def _search_param(self, caller: str, key: str) -> tuple[str, Any]:
         found = self._parameters.search(key, validate_global(caller))
         if found is None:
-            raise StatusError(ERROR, f"parameter {key} is not found upwards", "")
+            raise StatusError(ERROR, f"parameter {key} is not set in any enclosing namespace", "")
         return f"found {found}", found
 
     def _subscribe_param(self, caller: str, uri: str, key: str) -> tuple[str, Any]:
@@ -173,7 +173,7 @@ class MasterApi:
         return f"unsubscribed from {key}", int(self._parameters.unsubscribe(_key(key, caller), uri))
 
     def _join(self, caller: str, name: str, uri: str) -> str:
-        """Know the caller by its slave URI; return the global form of the name."""
+        """Register the caller by its slave URI; return the global form of the name."""
         resolved = resolve(name, validate_global(caller))
         replaced = self._graph.join(caller, _uri(uri))
         if replaced is not None:

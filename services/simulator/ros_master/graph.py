@@ -1,4 +1,4 @@
-"""The master's book of nodes and their registrations: decided without I/O. Pure."""
+"""The master's registry of nodes and their topics and services, without I/O. Pure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MAX_REGISTRATIONS = 20_000
 
 @dataclass(frozen=True, slots=True)
 class Replaced:
-    """A node whose name another one took."""
+    """A node whose name was taken over by another."""
 
     name: str
     uri: str
@@ -31,7 +31,7 @@ class Registry:
         self._entries.setdefault(key, {})[node] = uri
 
     def remove(self, key: str, node: str, uri: str) -> bool:
-        """Return whether this very registration was there."""
+        """Remove a registration; return whether exactly this one existed."""
         nodes = self._entries.get(key, {})
         if nodes.get(node) != uri:
             return False
@@ -41,7 +41,7 @@ class Registry:
         return True
 
     def remove_node(self, node: str) -> list[str]:
-        """Return the keys that the node was registered for."""
+        """Remove a node; return the keys it was registered for."""
         keys = [key for key, nodes in self._entries.items() if node in nodes]
         for key in keys:
             self.remove(key, node, self._entries[key][node])
@@ -75,7 +75,7 @@ class Graph:
         self.nodes: dict[str, str] = {}
 
     def join(self, node: str, uri: str) -> Replaced | None:
-        """Know a node by its slave URI; one with the same name and another URI loses everything.
+        """Register a node by its slave URI; a node with the same name and another URI loses everything.
 
         Raises:
             StatusError: the book is full.
@@ -94,12 +94,12 @@ class Graph:
         return Replaced(node, old, tuple(published))
 
     def leave(self, node: str) -> None:
-        """Forget a node that has no registration left."""
+        """Forget a node without any registration left."""
         if not any(book.has_node(node) for book in (self.publishers, self.subscribers, self.services)):
             self.nodes.pop(node, None)
 
     def set_type(self, topic: str, type_name: str, *, authoritative: bool) -> None:
-        """Remember a topic's type: a publisher's word counts, a subscriber's only while there is none, `*` never."""
+        """Set a topic's type: a publisher's overrides, a subscriber's counts only if there is none, `*` never."""
         if type_name == "*":
             if authoritative:
                 self.topic_types.setdefault(topic, type_name)

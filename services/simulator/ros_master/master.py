@@ -1,4 +1,4 @@
-"""A ROS master in this process: enough for rospy nodes, rostopic and ours."""
+"""A ROS master in this process: enough for rospy nodes, rostopic and our own nodes."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ log = logging.getLogger(__name__)
 
 
 class NodeNotifier:
-    """Calls every node in the order in which its calls were first queued; a newer call of one kind replaces an older.
+    """Calls nodes in the order of their first queued call; a newer call of the same kind replaces an older one.
 
-    What waits is bounded by the registrations that the calls are about.
+    The number of queued calls is bounded by the number of registrations.
     """
 
     def __init__(self, client: XmlRpcClient, scope: TaskScope) -> None:
@@ -54,7 +54,7 @@ class NodeNotifier:
         try:
             await self._client.call(uri, method, "/master", *params)
         except (CallError, WireError) as error:
-            log.info("%s did not take %s: %s", uri, method, error)
+            log.info("%s did not accept %s: %s", uri, method, error)
 
 
 class RosMaster:

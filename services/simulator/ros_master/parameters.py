@@ -1,4 +1,4 @@
-"""The master's parameter tree, and who is told about its changes."""
+"""The master's parameter tree, and its subscribers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ParameterUpdate:
 
 
 class ParameterTree:
-    """Values by global name; a value that is a dict is a namespace. `{}` tells a subscriber that nothing is set.
+    """Values by global name; a dict is a namespace. `{}` tells a subscriber that nothing is set.
 
     The whole tree holds at most `max_bytes`, counting 64 for each name and value, and the length of texts.
     """
@@ -53,7 +53,7 @@ class ParameterTree:
         return True
 
     def set(self, key: str, value: Any, caller_id: str = "") -> list[ParameterUpdate]:
-        """Replace what is at the key; return whom to tell, except the caller.
+        """Set the value of a key; return the updates to send, except to the caller.
 
         Raises:
             StatusError: nothing is changed: the root can only become a namespace, or the tree would grow too large.
@@ -70,7 +70,7 @@ class ParameterTree:
         return self._updates(_join(parts), value, caller_id)
 
     def delete(self, key: str) -> list[ParameterUpdate]:
-        """Forget what is at the key; return whom to tell.
+        """Delete a key; return the updates to send.
 
         Raises:
             LookupError: not set, or the root.
@@ -85,11 +85,11 @@ class ParameterTree:
         return self._updates(_join(parts), {}, "")
 
     def names(self) -> list[str]:
-        """Return the names of all values that are no namespaces."""
+        """Return the names of all values that are not namespaces."""
         return _leaves("", self._root)
 
     def search(self, key: str, caller_id: str) -> str | None:
-        """Return the full name of a key whose first part is set nearest to the caller, searched upwards."""
+        """Return the full name of a key whose first part is set nearest to the caller, searching upwards."""
         if key.startswith("/"):
             return key if self.has(key) else None
         first = key.partition("/")[0]
@@ -102,12 +102,12 @@ class ParameterTree:
             scope = namespace_of(scope).rstrip("/")
 
     def subscribe(self, key: str, caller_id: str, caller_api: str) -> Any:
-        """Return the value now, `{}` when not set."""
+        """Subscribe; return the current value, `{}` when not set."""
         self._subscribers.setdefault(_join(_parts(key)), {})[caller_api] = caller_id
         return self.get(key) if self.has(key) else {}
 
     def unsubscribe(self, key: str, caller_api: str) -> bool:
-        """Return whether there was such a subscription."""
+        """Unsubscribe; return whether there was such a subscription."""
         key = _join(_parts(key))
         subscribers = self._subscribers.get(key, {})
         found = subscribers.pop(caller_api, None) is not None
@@ -125,7 +125,7 @@ class ParameterTree:
         return sum(len(subscribers) for subscribers in self._subscribers.values())
 
     def _put(self, parts: list[str], value: Any) -> None:
-        """Put a value where it belongs; namespaces are made on the way, a plain value in the way is replaced."""
+        """Set a value in the tree; namespaces are created on the way and replace plain values."""
         namespace, depth = self._root, 0
         while depth < len(parts) - 1 and isinstance(namespace.get(parts[depth]), dict):
             namespace = namespace[parts[depth]]
@@ -138,7 +138,7 @@ class ParameterTree:
 
     def _resize(self, change: int) -> None:
         if change > 0 and self._size + change > self._max_bytes:
-            raise StatusError(FAILURE, f"the parameters would take more than {self._max_bytes} bytes")
+            raise StatusError(FAILURE, f"the parameters would exceed {self._max_bytes} bytes")
         self._size += change
 
     def _updates(self, key: str, value: Any, caller_id: str) -> list[ParameterUpdate]:
@@ -167,7 +167,7 @@ def _size(value: Any) -> int:
 
 
 def _size_within(namespace: dict[str, Any], name: str) -> int:
-    """Return what a namespace's entry takes, 0 where there is none."""
+    """Return the size of a namespace's entry, 0 without one."""
     return _size(name) + _size(namespace[name]) if name in namespace else 0
 
 
@@ -180,7 +180,7 @@ def _join(parts: list[str]) -> str:
 
 
 def _inside(value: Any) -> dict[str, Any]:
-    """Return the namespace that a value is; a plain value has nothing inside."""
+    """Return a value as a namespace; a plain value is an empty one."""
     return value if isinstance(value, dict) else {}
 
 

@@ -1,4 +1,4 @@
-"""A procedural warehouse and its pictures: pure, and the same for the same seed. Pure."""
+"""A procedural warehouse and its images, deterministic for a seed. Pure."""
 
 from services.simulator.world.camera import Camera, Pose
 from services.simulator.world.cuboids import BACKGROUND, CLASSES

@@ -1,4 +1,4 @@
-"""The pinhole camera and where it is."""
+"""The pinhole camera and its pose."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -29,7 +29,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Where a frame, mostly a camera's optical one (x right, y down, z forward), is in the map (z up), in metres."""
+    """The pose of a frame, mostly a camera's optical one (x right, y down, z forward), in the map (z up), in metres."""
 
     position: Floats
     rotation: Floats

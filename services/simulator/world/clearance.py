@@ -1,4 +1,4 @@
-"""Where on the floor there is room: the distance from any point to the nearest thing a robot would hit."""
+"""Free space on the floor: the distance from any point to the nearest obstacle of a robot."""
 
 from dataclasses import dataclass
 from typing import Final, Self

@@ -1,4 +1,4 @@
-"""Everything in the world is an oriented cuboid: how they are stored, and how objects are built of them."""
+"""Builds all objects of the world from oriented cuboids, and stores them."""
 
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
@@ -16,7 +16,7 @@ CORNER_SIGNS: Final = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for 
 
 
 class Material(IntEnum):
-    """What a cuboid's faces look like; each has textures in the atlas."""
+    """The material of a cuboid's faces; each has textures in the atlas."""
 
     PLAIN = 0
     METAL = 1
@@ -71,7 +71,7 @@ class Cuboids:
         return len(self.centres)
 
     def taken(self, rows: NDArray[np.intp]) -> Self:
-        """Some of them, in the order of `rows`."""
+        """Select cuboids, in the order of `rows`."""
         return type(self)(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     def corners(self) -> Floats:
@@ -97,7 +97,7 @@ class Builder:
         return Solid(self, frame, len(self.instance_classes) - 1)
 
     def background(self, frame: Frame) -> "Solid":
-        """Start something that is no object of interest."""
+        """Start something that is not an object of interest."""
         return Solid(self, frame, BACKGROUND)
 
     def add(self, centre: Floats, rotation: Floats, half: ArrayLike, paint: Paint, instance: int) -> None:
@@ -108,7 +108,7 @@ class Builder:
         self._instances.append(instance)
 
     def cuboids(self) -> Cuboids:
-        """Everything that was added."""
+        """All added cuboids."""
         return Cuboids(
             centres=np.asarray(self._centres, np.float32),
             rotations=np.asarray(self._rotations, np.float32),
@@ -122,7 +122,7 @@ class Builder:
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """One thing under construction, in its own frame."""
+    """An object under construction, in its own frame."""
 
     builder: Builder
     frame: Frame

@@ -1,4 +1,4 @@
-"""What a real stereo depth camera delivers of exact depth: limits, shadows, holes, noise and steps.
+"""Simulates a real stereo depth camera on exact depth: limits, shadows, holes, noise and quantisation.
 
 Its faults live where a stereo camera has them: in disparity (pixels), which is baseline * focal length / depth. So the
 noise of depth grows with its square: depth ** 2 * subpixel / (baseline * focal length). Defaults are those of an Intel
@@ -47,7 +47,7 @@ class DepthSensor:
 
 
 def sense(depth: Floats, camera: Camera, sensor: DepthSensor, rng: Generator) -> Floats:
-    """What `sensor` measures of exact `depth` (height, width): metres in whole millimetres; 0 is none in both."""
+    """Measure exact `depth` (height, width) with `sensor`: metres in whole millimetres; 0 is none in both."""
     scale = np.float32(sensor.baseline * camera.fx)
     inverse = np.divide(1, np.maximum(depth, NEAR), out=np.zeros_like(depth), where=depth > 0)
     height, width = depth.shape
@@ -67,7 +67,7 @@ def sense(depth: Floats, camera: Camera, sensor: DepthSensor, rng: Generator) ->
 
 
 def as_16uc1(depth: Floats) -> NDArray[np.uint16]:
-    """Depth as ROS's `16UC1`: millimetres, 0 for none. What is beyond 65.535 m is none."""
+    """Depth as ROS's `16UC1`: millimetres, 0 for none. Depth beyond 65.535 m is none."""
     millimetres = np.rint(depth * np.float32(MILLIMETRES))
     return np.where(millimetres <= np.iinfo(np.uint16).max, millimetres, 0).astype(np.uint16)
 
@@ -78,7 +78,7 @@ def as_32fc1(depth: Floats) -> Floats:
 
 
 def _shadowed(disparity: Floats) -> NDArray[np.bool_]:
-    """What the right one of the two imagers does not see: something more to the right is in its way."""
+    """Mask what the right imager cannot see: something more to the right occludes it."""
     columns = np.arange(disparity.shape[1], dtype=np.float32)
     there = columns - disparity
     least = np.minimum.accumulate(there[:, ::-1], axis=1)[:, ::-1]
@@ -100,7 +100,7 @@ def _at_edges(disparity: Floats, chance: Floats, sensor: DepthSensor) -> tuple[F
 
 
 def _faded(inverse: Floats, camera: Camera, sensor: DepthSensor) -> Floats:
-    """How likely each pixel is lost for the angle at which its surface is seen, 0 to 1."""
+    """The probability of losing each pixel at the angle of its surface, 0 to 1."""
     rows, columns = (np.arange(size, dtype=np.float32) for size in inverse.shape)
     x, y = (columns - camera.cx) / camera.fx, ((rows - camera.cy) / camera.fy)[:, None]
     across, down = _slope(inverse, 1) * np.float32(camera.fx), _slope(inverse, 0) * np.float32(camera.fy)
@@ -112,7 +112,7 @@ def _faded(inverse: Floats, camera: Camera, sensor: DepthSensor) -> Floats:
 
 
 def _slope(values: Floats, axis: int) -> Floats:
-    """The change from pixel to pixel; of the two sides' the smaller one, so that edges are not taken for slopes."""
+    """The gradient from pixel to pixel: the smaller one of both sides, so that edges do not count as slopes."""
     if values.shape[axis] < 2:
         return np.zeros_like(values)
     change = np.diff(values, axis=axis)
@@ -123,7 +123,7 @@ def _slope(values: Floats, axis: int) -> Floats:
 
 @cache
 def _noise() -> Floats:
-    """Noise of unit variance, as coherent as what is matched in windows is; made once."""
+    """Noise of unit variance, as coherent as window matching makes it; made once."""
     rng = np.random.default_rng(11)
     rough = np.pad(rng.normal(0, 1, (PLANE, PLANE)).astype(np.float32), BORDER, mode="wrap")
     smooth = cv2.GaussianBlur(rough, (0, 0), SPECKLE)[BORDER:-BORDER, BORDER:-BORDER]

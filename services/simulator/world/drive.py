@@ -1,4 +1,4 @@
-"""A robot's round through a scene: a closed way around things, looking at what is near."""
+"""A robot's round through a scene: a closed path around obstacles, looking at nearby objects."""
 
 from dataclasses import dataclass
 from heapq import heappop, heappush
@@ -110,7 +110,7 @@ class Drive:
 
 
 def _objects(scene: Scene) -> Points:
-    """Where the objects are that a robot's camera would look at, (n, 2)."""
+    """The positions of the objects that a robot's camera would look at, (n, 2)."""
     centres = scene.instance_centres()[1:]
     return np.asarray(centres[centres[:, 2] < 1.3, :2], np.float64)
 
@@ -142,7 +142,7 @@ def _closed_way(routes: RouteMap, stops: list[Cell]) -> Points:
 
 
 def _smooth_way(corners: Points, clearance: Clearance) -> Points:
-    """The way evenly spaced, and as smooth as the room around it allows."""
+    """The path evenly spaced, and as smooth as the room around it allows."""
     exact = _evenly(corners)
     for window_metres in (1.2, 0.8, 0.4, 0.2):
         smooth = _evenly(_circular_mean(exact, round(window_metres / SPACING)))
@@ -169,7 +169,7 @@ def _circular_mean(values: Points, window: int) -> Points:
 
 
 def _headings(points: Points, objects: Points) -> Points:
-    """Towards the nearest object that is not behind, swung to smoothly; straight ahead where there is none."""
+    """Headings towards the nearest object that is not behind, smoothed; straight ahead where there is none."""
     ahead = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
     travel = np.arctan2(ahead[:, 1], ahead[:, 0])
     look = np.stack([np.cos(travel), np.sin(travel)], axis=1)

@@ -1,4 +1,4 @@
-"""The floor's own picture: paint, wear, light pools and the contact shadows of what stands on it."""
+"""The floor's texture: paint, wear, light pools and the contact shadows of objects."""
 
 from dataclasses import dataclass
 from typing import Final

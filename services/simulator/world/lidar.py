@@ -1,4 +1,4 @@
-"""A spinning lidar: where each of its rays first meets a face, and what a real one reports of that."""
+"""A spinning lidar: the first face each ray meets, and the returns a real sensor reports."""
 
 from dataclasses import dataclass
 from typing import Final, Self
@@ -156,7 +156,7 @@ class _Faces:
         return faces, (first[faces] + ramp(lengths)) % count
 
     def intervals(self, face: NDArray[np.int64], angle: Doubles) -> tuple[Doubles, Doubles, Doubles, Doubles]:
-        """Between which slopes rays at `angle` meet the face, and their inverse distance: at slope 0, and its rise."""
+        """The slopes between which rays at `angle` meet the face; their inverse distance at slope 0, and its rise."""
         cos, sin = np.cos(angle), np.sin(angle)
         low, high = np.full(len(face), -np.inf), np.full(len(face), np.inf)
         level, rise = _along(self.normals[face], cos, sin)

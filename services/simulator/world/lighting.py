@@ -1,4 +1,4 @@
-"""How much light falls on a surface: daylight from above, a direction of its own, and lamps under the roof."""
+"""The light on a surface: daylight from above, a main direction, and lamps under the roof."""
 
 from dataclasses import dataclass
 from typing import Self

@@ -1,4 +1,4 @@
-"""A picture of a scene, with exact depth and instances."""
+"""Renders an image of a scene, with exact depth and instances."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ FLOOR_TOP = 5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Geometry:
-    """What an ideal depth camera sees, each (height, width).
+    """The output of an ideal depth camera, each (height, width).
 
     `depth` is metres along the optical axis and 0 where nothing is, `instances` are the scene's instance numbers and 0
     for the background.
@@ -29,7 +29,7 @@ class Geometry:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rendering(Geometry):
-    """What an ideal camera sees: `color` is RGB (height, width, 3)."""
+    """The output of an ideal camera: `color` is RGB (height, width, 3)."""
 
     color: NDArray[np.uint8]
 

@@ -1,4 +1,4 @@
-"""What a real colour camera adds: exposure, white balance, vignetting, blur and noise."""
+"""Simulates a real colour camera: exposure, white balance, vignetting, blur and noise."""
 
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -53,7 +53,7 @@ class Sensor:
 
 
 def expose(color: Image, sensor: Sensor, rng: Generator) -> Image:
-    """Turn a rendering's RGB picture into what `sensor` would deliver; a new array of the same shape."""
+    """Apply `sensor` to a rendered RGB image; returns a new array of the same shape."""
     image: Any = cv2.GaussianBlur(color, (3, 3) if sensor.blur < 0.7 else (5, 5), sensor.blur)
     if sensor.motion > 1:
         image = cv2.filter2D(image, -1, _streak(sensor.motion, sensor.motion_rad))

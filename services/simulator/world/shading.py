@@ -1,4 +1,4 @@
-"""From visible faces to colours: texture lookup and light for each pixel, a band of rows at a time."""
+"""Shades visible faces: texture lookup and light for each pixel, a band of rows at a time."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""The outline of an object with nothing before it, sampled at pixel centres, on an image without borders."""
+"""Rasterises the unoccluded outline of an object at pixel centres, also beyond the image borders."""
 
 from dataclasses import dataclass
 from typing import Final, Self
@@ -46,7 +46,7 @@ class Spans:
         return cls(faces[kept], rows[kept], starts[kept].astype(np.int64), ends[kept].astype(np.int64))
 
     def within(self, camera: Camera) -> Self:
-        """What of them is inside the image."""
+        """The part inside the image."""
         starts, ends = np.maximum(self.starts, 0), np.minimum(self.ends, camera.width - 1)
         kept = (starts <= ends) & (self.rows >= 0) & (self.rows < camera.height)
         return type(self)(self.faces[kept], self.rows[kept], starts[kept], ends[kept])
@@ -70,7 +70,7 @@ class Spans:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Silhouette:
-    """What an object would cover: so many pixels `outside` the image, and the pixels inside of it, face by face.
+    """The pixels that an unoccluded object covers: the number `outside` the image, and those inside, face by face.
 
     A pixel is inside once for each face of the object that covers it, with that face's inverse depth in 1/m.
     """
@@ -91,7 +91,7 @@ class Silhouette:
         return cls(_outside(polygons, camera), rows, columns, a * columns + b * rows + c)
 
     def visibility(self, own: NDArray[np.bool_], depth: Floats) -> float:
-        """What `own`, the mask (height, width) of its visible pixels, is of those and the hidden ones together.
+        """The visible share of an object: `own`, the mask (height, width) of its visible pixels, of all its pixels.
 
         depth: metres of what is seen in each pixel, 0 where nothing is. A pixel counts as hidden only if something
         nearer is seen there: what rounding gives to the surface behind an edge hides nothing.
@@ -108,7 +108,7 @@ class Silhouette:
 
 
 def _outside(polygons: NDArray[np.float64], camera: Camera) -> int:
-    """How many pixels polygons cover beyond the borders of the image."""
+    """The number of pixels that polygons cover beyond the borders of the image."""
     if not len(polygons):
         return 0
     low, high = int(np.floor(polygons[..., 1].min())), int(np.ceil(polygons[..., 1].max()))

@@ -1,4 +1,4 @@
-"""What is fixed about every face of a scene: where it lies, its texture and the light on it."""
+"""The constant data of every face of a scene: its plane, texture and light."""
 
 from dataclasses import dataclass
 from typing import Final

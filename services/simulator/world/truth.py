@@ -1,4 +1,4 @@
-"""What is really in a view: every visible object's mask, how much of it is hidden, how far and where it is. Exact."""
+"""Ground truth of a view: each visible object's mask, occlusion, distance and position. Exact."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -69,7 +69,7 @@ def _axes(yaw: float, up: Points) -> Points:
 
 
 def parts_of(scene: Scene, instance: int) -> Cuboids:
-    """The cuboids that an object is made of."""
+    """The cuboids of an object."""
     return scene.cuboids.taken(np.flatnonzero(scene.cuboids.instances == instance))
 
 
@@ -89,7 +89,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A scene, from where it is seen, and what an ideal camera sees."""
+    """A scene, the viewpoint, and the output of an ideal camera."""
 
     scene: Scene
     pose: Pose
@@ -99,7 +99,7 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class SeenObject:
-    """One visible object of a view; whatever takes time is worked out when it is first asked for.
+    """A visible object of a view; expensive values are computed on first use.
 
     `instance` is the same for the same object in every view of a scene. `mask` (rows, columns) is the window of its
     visible pixels whose upper left pixel is (`top`, `left`). Optical frame: x right, y down, z forward. Metres.
@@ -114,7 +114,7 @@ class SeenObject:
 
     @cached_property
     def pixels(self) -> int:
-        """How many pixels it is seen in."""
+        """The number of its visible pixels."""
         return int(np.count_nonzero(self.mask))
 
     @property
@@ -131,7 +131,7 @@ class SeenObject:
 
     @cached_property
     def visibility(self) -> float:
-        """The share seen of the pixels that its own faces would cover with nothing before it on an endless image.
+        """The visible share of the pixels that its faces would cover unoccluded on an endless image.
 
         1 if all of it is in view and nothing hides any of it.
         """

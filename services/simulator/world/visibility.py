@@ -1,4 +1,4 @@
-"""Which face is seen in each pixel: a z-buffer over planar faces, whose inverse depth is affine in the pixel."""
+"""Finds the visible face of each pixel: a z-buffer of planar faces with inverse depth affine in the pixel."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -46,7 +46,7 @@ def find_visible(cuboids: Cuboids, pose: Pose, camera: Camera) -> Visibility:
 
 
 def toward(cuboids: Cuboids, position: Floats) -> NDArray[np.bool_]:
-    """Which faces (cuboids, 6) are turned to a point of the map."""
+    """Mask of faces (cuboids, 6) turned towards a point of the map."""
     viewer = np.einsum("kij,ki->kj", cuboids.rotations, position - cuboids.centres)
     return np.stack([viewer < -cuboids.half_extents, viewer > cuboids.half_extents], axis=2).reshape(-1, 6)
 
@@ -62,7 +62,7 @@ def facing_rings(cuboids: Cuboids, pose: Pose) -> tuple[NDArray[np.intp], Floats
 
 
 def _in_view(rings: Floats, camera: Camera) -> NDArray[np.bool_]:
-    """Which rings are not wholly beyond one border of the image, give or take a pixel."""
+    """Mask of rings that are not wholly beyond one border of the image, give or take a pixel."""
     x, y, z = np.moveaxis(rings, -1, 0)
     right, down = camera.fx * x + np.float32(camera.cx) * z, camera.fy * y + np.float32(camera.cy) * z
     beyond = np.stack([right < -z, right > camera.width * z, down < -z, down > camera.height * z])

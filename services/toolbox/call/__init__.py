@@ -1,1 +1,1 @@
-"""Call a robot's ROS service from the command line."""
+"""Calls a robot's ROS service from the command line."""

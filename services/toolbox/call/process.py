@@ -1,4 +1,4 @@
-"""One call and its answer."""
+"""Makes one call and prints its answer."""
 
 import sys
 from typing import Final
@@ -12,11 +12,11 @@ from services.toolbox.call.settings import CallSettings
 
 FAILED: Final = 1
 WAY_S: Final = 2.0
-"""How much longer than the service may take an answer is waited for."""
+"""Seconds that an answer may take beyond the service's own timeout."""
 
 
 async def run(settings: CallSettings) -> int:
-    """Call the service; print its answer, or on stderr why there is none. Returns the exit code."""
+    """Call the service; print its answer, or on stderr why it failed. Returns the exit code."""
     async with open_bus(settings) as bus:
         try:
             response = await _call(bus, settings)
@@ -25,7 +25,7 @@ async def run(settings: CallSettings) -> int:
         except (RequestError, SchemaError) as error:
             return _fail(f"{settings.service} of {settings.robot}: {error}")
     if response.success is False:
-        return _fail(f"{settings.service} did not succeed: {response.message or 'it does not say why'}")
+        return _fail(f"{settings.service} did not succeed: {response.message or 'it gives no reason'}")
     sys.stdout.write(f"{printable(response.message or 'done')}\n")
     return 0
 

@@ -17,12 +17,12 @@ class CallSettings(BusSettings):
     1 and one line say why there is no answer, or that the service did not succeed.
     """
 
-    robot: Annotated[str, Field(description="the robot's name; the first argument if no option is")]
-    service: Annotated[str, Field(description="the service's whole name, like /reset; the second argument")]
+    robot: Annotated[str, Field(description="name of the robot; also the first argument")]
+    service: Annotated[str, Field(description="full name of the service, such as /reset; also the second argument")]
     data: Annotated[
-        Literal["true", "false"] | None, Field(description="what a std_srvs/SetBool is told; needed for it")
+        Literal["true", "false"] | None, Field(description="value for a std_srvs/SetBool service, which requires it")
     ] = None
-    timeout_s: Annotated[float, Field(gt=0, le=MAX_CALL_S, description="seconds that the service may take")] = 5.0
+    timeout_s: Annotated[float, Field(gt=0, le=MAX_CALL_S, description="seconds to wait for the service")] = 5.0
 
     @model_validator(mode="after")
     def _names_a_service(self) -> Self:

@@ -1,1 +1,1 @@
-"""Show the clouds of a camera's objects, or save them to files."""
+"""Shows the clouds of a camera's objects, or saves them to files."""

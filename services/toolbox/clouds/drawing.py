@@ -1,4 +1,4 @@
-"""What is drawn of ObjectClouds: points in colour, and a box of lines around each object. Pure."""
+"""Prepares ObjectClouds for drawing: points in colour, and a box of lines around each object. Pure."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -31,7 +31,7 @@ class Drawing:
 
 
 def drawing_of(seen: ObjectClouds) -> Drawing:
-    """Return what to draw, in the sensor's frame."""
+    """Return the shapes to draw, in the sensor's frame."""
     points = points_of(seen)
     boxes = [corners_of(each.shape.box) for each in seen.objects]
     return Drawing(

@@ -1,5 +1,5 @@
-"""Why clouds cannot be shown or saved."""
+"""Errors of showing or saving clouds."""
 
 
 class ViewerError(Exception):
-    """No window can be opened here, or no file written; the message is one line and says why."""
+    """A window cannot be opened here, or a file cannot be written; the message is one line and says why."""

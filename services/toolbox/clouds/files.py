@@ -1,4 +1,4 @@
-"""ObjectClouds as PLY and PCD files, binary and little-endian. Pure."""
+"""Encodes ObjectClouds as PLY and PCD files, binary and little-endian. Pure."""
 
 from typing import Final
 
@@ -51,7 +51,7 @@ DATA binary
 
 
 def points_of(seen: ObjectClouds) -> NDArray[np.void]:
-    """Return the points of all objects in the sensor's frame, each with its class and object; white if colourless."""
+    """Return the points of all objects in the sensor's frame, with class and object; white if colourless."""
     points = np.zeros(sum(each.count for each in seen.objects), POINT)
     at = 0
     for each in seen.objects:
@@ -64,7 +64,7 @@ def points_of(seen: ObjectClouds) -> NDArray[np.void]:
 
 
 def ply(seen: ObjectClouds) -> bytes:
-    """Return a PLY file; label is the model's number of the class, instance the object's place in the Detections.
+    """Return a PLY file; label is the model's class index, instance the object's index in the Detections.
 
     Both are called `int`, since Open3D reads no `uint`: a label of 2**31 or more is negative there.
     """

@@ -1,4 +1,4 @@
-"""Clouds as they come: into a window, or into files."""
+"""Shows clouds in a window as they arrive, or writes them to files."""
 
 import asyncio
 import sys
@@ -24,14 +24,14 @@ from services.toolbox.clouds.viewing import CloudWindow
 FAILED: Final = 1
 FRAME_S: Final = 1 / 30
 GATHER_S: Final = 0.5
-"""How long after nothing came it is looked which cameras there are."""
+"""Seconds without a message after which the existing cameras are looked up."""
 
-NEEDED: Final = "a cloud worker and a detector must be there"
+NEEDED: Final = "a cloud worker and a detector must be running"
 WRITERS: Final = {"ply": ply, "pcd": pcd}
 
 
 class Shown(Protocol):
-    """What clouds are drawn in."""
+    """The interface of a window for clouds."""
 
     def show(self, drawing: Drawing) -> None: ...
 
@@ -55,9 +55,9 @@ async def run(settings: CloudsSettings) -> int:
 
 
 async def save(bus: Bus, settings: CloudsSettings) -> int:
-    """Write the next messages that have points to files, and say which; return the exit code.
+    """Write the next messages with points to files, and print their names; return the exit code.
 
-    What is in view when nobody has asked for clouds yet has none: points are sent once somebody does.
+    Objects in view before the first subscription have no points: gateways send points only on demand.
     """
     async with bus.subscribe(settings.key.stream(Stream.OBJECTS), LATEST, history=False) as samples:
         for _ in range(settings.count):
@@ -94,14 +94,14 @@ async def view(bus: Bus, settings: CloudsSettings, window: Shown) -> None:
 
 
 async def _next(samples: Subscription, settings: CloudsSettings) -> ObjectClouds:
-    """Wait for the next message that is one."""
+    """Wait for the next valid message."""
     while True:
         sample = await anext(samples)
         try:
             seen = codec.decode(ObjectClouds, sample.payload, sample.encoding)
             codec.check_identity(seen.header, settings.key)
         except SchemaError as error:
-            sys.stderr.write(f"fleetsight clouds: left out: {printable(str(error))}\n")
+            sys.stderr.write(f"fleetsight clouds: message skipped: {printable(str(error))}\n")
             continue
         return seen
 
@@ -119,17 +119,17 @@ async def _cameras(bus: Bus) -> list[CameraKey]:
 
 
 def _absence(wanted: CameraKey, present: Sequence[CameraKey]) -> str:
-    """Say that there is no such camera; nothing if there is."""
+    """Return that there is no such camera, or an empty string."""
     if wanted in present:
         return ""
     robot, own = wanted.robot, ", ".join(key.camera for key in present if key.robot == wanted.robot)
-    return f"{robot} has no camera {wanted.camera}, but {own}" if own else f"no camera of {robot} is there"
+    return f"{robot} has no camera {wanted.camera}, but {own}" if own else f"{robot} has no camera online"
 
 
 def _remarks(seen: ObjectClouds) -> Iterator[str]:
-    """Yield why there are fewer points than somebody may think."""
+    """Yield why there are fewer points than expected."""
     if not seen.objects and not seen.unmeasured:
-        yield "nothing that the detector knows was in view"
+        yield "no object of the detector's classes was in view"
     for reason, count in Counter(seen.unmeasured.values()).items():
         yield f"{count} {'object has' if count == 1 else 'objects have'} no points: {reason}"
 

@@ -12,20 +12,20 @@ from schemas.keys import CameraKey
 
 
 class CloudsSettings(BusSettings):
-    """Look at the clouds of a camera's objects, or save them.
+    """Show the clouds of a camera's objects, or save them.
 
     Asking for them makes a cloud worker and a detector work. View shows them in a window, as they come, until it is
     closed. Save writes each message that has points to files that Open3D, CloudCompare, MeshLab and PCL read, and ends.
     """
 
-    do: Annotated[Literal["view", "save"], Field(description="what to do; the first argument if no option is")]
-    robot: Annotated[str, Field(description="the robot's name; the second argument")]
-    camera: Annotated[str, Field(description="the camera's name; the third argument")]
-    folder: Annotated[Path, Field(description="where to save; made if it is not there")] = Path()
+    do: Annotated[Literal["view", "save"], Field(description="what to do; also the first argument")]
+    robot: Annotated[str, Field(description="name of the robot; also the second argument")]
+    camera: Annotated[str, Field(description="name of the camera; also the third argument")]
+    folder: Annotated[Path, Field(description="folder to save to; created if missing")] = Path()
     formats: Annotated[
-        list[Literal["ply", "pcd"]], Field(min_length=1, description="what to save: ply, pcd or both")
+        list[Literal["ply", "pcd"]], Field(min_length=1, description="file formats: ply, pcd or both")
     ] = ["ply", "pcd"]
-    count: Annotated[int, Field(ge=1, le=10_000, description="messages to save")] = 1
+    count: Annotated[int, Field(ge=1, le=10_000, description="number of messages to save")] = 1
     timeout_s: Annotated[float, Field(gt=0, le=3600, description="seconds to wait for each message to save")] = 10.0
 
     @field_validator("folder")

@@ -1,4 +1,4 @@
-"""A window that Open3D draws clouds in."""
+"""A window in which Open3D draws clouds."""
 
 from typing import Any, Final
 
@@ -16,7 +16,7 @@ BACKGROUND_RGB: Final = (0.08, 0.08, 0.1)
 
 
 class CloudWindow:
-    """An open window; the view stays as the user turns it when other clouds are shown.
+    """An open window; the view stays as the user turned it when other clouds are shown.
 
     Raises:
         ModuleNotFoundError: Open3D is not installed.
@@ -27,7 +27,7 @@ class CloudWindow:
         self._open3d = _open3d()
         self._window = self._open3d.visualization.Visualizer()
         if not self._window.create_window(title, WIDTH, HEIGHT):
-            raise ViewerError("no window can be opened: is there a display (DISPLAY, WAYLAND_DISPLAY)?")
+            raise ViewerError("no window can be opened: no display; set DISPLAY or WAYLAND_DISPLAY")
         options = self._window.get_render_option()
         options.point_size = POINT_PIXELS
         options.background_color = BACKGROUND_RGB
@@ -36,7 +36,7 @@ class CloudWindow:
         self._is_empty = True
 
     def show(self, drawing: Drawing) -> None:
-        """Draw this instead of what was drawn before."""
+        """Replace the drawn shapes."""
         vectors = self._open3d.utility
         self._points.points = vectors.Vector3dVector(drawing.xyz)
         self._points.colors = vectors.Vector3dVector(drawing.rgb)
@@ -53,13 +53,13 @@ class CloudWindow:
             self._look(drawing.up)
 
     def _look(self, up: tuple[float, float, float]) -> None:
-        """Look as the sensor does: along z where y is down, as cameras' optical frames have it, else along x."""
+        """Set the view to the sensor's: along z where y is down, as in optical frames of cameras, else along x."""
         control = self._window.get_view_control()
         control.set_front(OPTICAL_FRONT if up[1] < -TILTED else FRONT)
         control.set_up(up)
 
     def turn(self) -> bool:
-        """Do what the user did meanwhile; return False once the window is closed."""
+        """Process the user's input; return False once the window is closed."""
         going_on = bool(self._window.poll_events())
         self._window.update_renderer()
         return going_on

@@ -1,1 +1,1 @@
-"""The whole system on one machine, on simulated robots: what `make demo` runs."""
+"""Runs the whole system on one machine with simulated robots: `make demo`."""

@@ -1,4 +1,4 @@
-"""The demo's processes: started together, their words shown, none left behind."""
+"""Runs the demo's processes: started together, their output shown, all stopped at the end."""
 
 import asyncio
 import os
@@ -13,22 +13,22 @@ from dataclasses import dataclass, field
 from typing import Final
 
 STOP_S: Final = 1.5
-"""How long a process may take to end in order before it is killed; with what follows it stays under 3 s."""
+"""Seconds for a process to stop in order before it is killed; with what follows it stays under 3 s."""
 
 MAX_LINE: Final = 64 * 1024
 
 
 OWN_SETTINGS: Final = ("FLEETSIGHT_", "ROS_")
-"""The demo's processes are set by it alone, whatever this shell is set up for."""
+"""The demo alone configures its processes, whatever the shell's environment says."""
 
 
 class ChildFailedError(Exception):
-    """A process ended that should go on; the message says which and what it said last."""
+    """A process ended that should run on; the message gives its name and its last output."""
 
 
 @dataclass(slots=True)
 class Child:
-    """One running process. output: what it wrote to stdout, complete once it has ended."""
+    """A running process. output: its stdout, complete once it has ended."""
 
     name: str
     process: Process
@@ -44,12 +44,12 @@ class Child:
         """
         code = await self.process.wait()
         await asyncio.gather(*self.readers)
-        raise ChildFailedError(f"{self.name} ended with exit code {code}: {self.last_words or 'it said nothing'}")
+        raise ChildFailedError(f"{self.name} ended with exit code {code}: {self.last_words or 'without output'}")
 
 
 @asynccontextmanager
 async def child(name: str, arguments: Sequence[str], say: Callable[[str], None]) -> AsyncIterator[Child]:
-    """Run `fleetsight ARGUMENTS` for as long as the context lasts; `say` gets each line it writes to stderr.
+    """Run `fleetsight ARGUMENTS` while the context lasts; `say` gets each line it writes to stderr.
 
     It has a session of its own, so that a Ctrl-C reaches it through us alone, and it ends when we are killed.
     """
@@ -113,7 +113,7 @@ async def _lines(stream: asyncio.StreamReader) -> AsyncIterator[str]:
 
 
 def free_ports(count: int) -> int:
-    """Return the first of `count` successive TCP ports of the loopback interface that nobody listens on."""
+    """Return the first of `count` consecutive free TCP ports of the loopback interface."""
     while True:
         with ExitStack() as stack, suppress(OSError, OverflowError):
             first = _bound(stack, 0)

@@ -1,4 +1,4 @@
-"""The demo's page: a history of its own, a user to log in as, and a port that is free."""
+"""The demo's page, with its own history, a user to log in as, and a free port."""
 
 import asyncio
 import secrets
@@ -31,7 +31,7 @@ class Page:
 
     @classmethod
     async def of(cls, endpoint: str, folder: Path) -> Self:
-        """Make it for a demo whose bus listens at `endpoint`; what it keeps is in `folder`."""
+        """Make the page for a demo whose bus listens at `endpoint`; `folder` holds its data."""
         history, password = f"sqlite:///{folder / 'history.db'}", secrets.token_urlsafe(9)
         hashed = await Passwords().hash(password)
         await UserStore(history).add(User(NAME, Role.OPERATOR, hashed, time.time_ns()))

@@ -1,4 +1,4 @@
-"""Start the demo's processes, watch the fleet, stop everything, add it up."""
+"""Starts the demo's processes, watches the fleet, stops everything and sums up."""
 
 import asyncio
 import json
@@ -28,7 +28,7 @@ from services.toolbox.process import EXIT_FAILED
 log = logging.getLogger(__name__)
 
 LAST_WORDS_S: Final = 0.2
-"""How long the last messages of stopped processes may take to get here."""
+"""Seconds for the last messages of stopped processes to arrive."""
 
 REFRESH_S: Final = 0.5
 
@@ -68,7 +68,7 @@ async def _run(settings: DemoSettings, folder: Path) -> int:
 
 
 def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str, Sequence[str]]:
-    """Return each process's command line by its name; the robots' ROS masters listen at `master_port` and following."""
+    """Return each process's command line by name; the robots' ROS masters use `master_port` and the ports after it."""
     model = ["--model", settings.model] if settings.model else []
     simulator = [
         *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--summary"),
@@ -104,7 +104,7 @@ async def _show_until_over(
     ending = asyncio.Event()
 
     def say(line: str) -> None:
-        if not ending.is_set():  # then each misses the others, as it should
+        if not ending.is_set():  # while stopping, each process reports the others missing
             console.print(printable(line), markup=False, highlight=False, soft_wrap=True, style="dim")
 
     note = f"{len(commands)} processes; Ctrl-C stops them all" if seconds is None else f"stops after {seconds:g} s"
@@ -124,7 +124,7 @@ async def _show_until_over(
 
 
 async def _say_again(note: str, fleet: Fleet, console: Console) -> None:
-    """Say where the page is once there is something to see: what the processes said has pushed it out of sight."""
+    """Print the page's address once there is something to see: other output has scrolled it away."""
     while fleet.first_list_s is None:  # noqa: ASYNC110 - nobody tells
         await asyncio.sleep(REFRESH_S)
     console.print(note, markup=False, highlight=False, soft_wrap=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 TOO_BUSY: Final = 0.9
-"""From this share of the processors' time on, work waits for its turn."""
+"""Share of the processors' time above which work waits for its turn."""
 
 _STAT: Final = Path("/proc/stat")
 _TIMES: Final = slice(1, 9)
@@ -39,11 +39,11 @@ class ProcessorUse:
         if self.busy < TOO_BUSY:
             return used
         cure = "close other programs, or ask for less with --robots and --hz"
-        return f"too slow for this, ages and drops come of that ({used}): {cure}"
+        return f"too slow for this ({used}), which raises ages and drops: {cure}"
 
 
 class ProcessorClock:
-    """Measures from when it is made."""
+    """Measures CPU use from its creation on."""
 
     def __init__(self) -> None:
         self._began = _times()
@@ -52,7 +52,7 @@ class ProcessorClock:
         self._quota = _quota()
 
     def use(self) -> ProcessorUse | None:
-        """Return how busy processors were since; None where the system does not tell.
+        """Return the CPU use since creation; None where the system does not tell.
 
         Processes that this one started count as its own once they have ended.
         """

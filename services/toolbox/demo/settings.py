@@ -10,12 +10,12 @@ SEED: Final = 0
 
 
 class DemoSettings(BaseModel):
-    """Run simulated robots, their gateways, a detector and the monitor on this machine, each a process of its own."""
+    """Run simulated robots, their gateways, a detector and the monitor on this machine, each as its own process."""
 
     robots: Annotated[int, Field(ge=1, le=20, description="simulated robots, each with its own ROS master")] = 3
     hz: Annotated[float, Field(ge=0.001, le=60, description="images per second and robot")] = 2.0
-    seconds: Annotated[float | None, Field(gt=0, description="stop by itself after so many seconds")] = None
-    model: Annotated[str | None, Field(description="Ultralytics weights; the shipped model unless given")] = None
+    seconds: Annotated[float | None, Field(gt=0, description="stop after this many seconds")] = None
+    model: Annotated[str | None, Field(description="Ultralytics weights; by default the shipped model")] = None
 
     @model_validator(mode="after")
     def _model_is_here(self) -> Self:

@@ -1,4 +1,4 @@
-"""The demo's last words: what every frame of the run came to. Pure."""
+"""The demo's summary: the outcome of every frame of the run. Pure."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -37,7 +37,7 @@ class Summary:
         return [robot for robot in self.robots if not self.lists.get(robot)]
 
     def lines(self) -> list[str]:
-        """Return the summary as it is printed."""
+        """Return the lines of the printed summary."""
         ages = sorted(self.ages_s)
         lost = ", ".join(f"{count} {reason}" for reason, count in sorted(self.dropped.items())) or "none"
         under_way = sum(self.sent.values()) - self.inferred - sum(self.dropped.values())
@@ -56,7 +56,7 @@ class Summary:
 
 
 def drops(gateways: Iterable[GatewayStatus], workers: Iterable[WorkerStatus]) -> Counter[str]:
-    """Add up every drop of a picture once, under "place: reason". workers: the detectors."""
+    """Sum up every dropped image once, under "place: reason". workers: the detectors."""
     at_gateways: Counter[str] = Counter()
     at_workers: Counter[str] = Counter()
     for gateway in gateways:
@@ -67,7 +67,7 @@ def drops(gateways: Iterable[GatewayStatus], workers: Iterable[WorkerStatus]) ->
     for worker in workers:
         for camera in worker.cameras:
             at_workers.update(camera.dropped)
-    # What a gateway numbered and left out is missing at the worker as well; what else is missing there, the link lost.
+    # Frames that a gateway numbered and dropped are missing at the worker too; the link lost the others missing there.
     missing = at_workers.pop(MISSING, 0)
     places = {"at the gateway": at_gateways, "at the detector": at_workers}
     counts = Counter({f"{place}: {reason}": n for place, drops in places.items() for reason, n in drops.items()})

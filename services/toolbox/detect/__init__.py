@@ -1,1 +1,1 @@
-"""What is in an image file, from the command line."""
+"""Detects the objects in an image file, from the command line."""

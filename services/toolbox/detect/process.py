@@ -1,4 +1,4 @@
-"""One image, and what is in it."""
+"""Detects the objects in one image."""
 
 import asyncio
 import sys
@@ -28,7 +28,7 @@ ANSWERED_BY: Final = "local"
 
 
 async def run(settings: DetectSettings) -> int:
-    """Look at the image; print what is in it, or on stderr why that cannot be told, and draw it. Return the exit code.
+    """Run detection on the image; print the objects, or on stderr why it failed, and draw them. Return the exit code.
 
     What was found is printed also where it cannot be drawn, and a picture that is begun becomes whole.
     """
@@ -66,7 +66,7 @@ async def _locally(settings: DetectSettings, image: bytes) -> Detections:
 
 
 async def _by_a_worker(settings: DetectSettings, image: bytes) -> Detections:
-    """Ask the fleet's workers, for as long as `timeout_s` after the command began.
+    """Ask the fleet's workers, until `timeout_s` after the command began.
 
     Raises:
         StillError: the image is too large to be sent.
@@ -99,7 +99,7 @@ def as_json(found: Detections) -> str:
 
 
 def table(found: Detections) -> str:
-    """Return a line per object, best score first, and who found them."""
+    """Return a line per object, best score first, and the model and worker."""
     rows = [("object", "score", "left", "top", "right", "bottom"), *map(_row, found.objects)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [

@@ -1,4 +1,4 @@
-"""Settings of a look at an image."""
+"""Settings of `fleetsight detect`."""
 
 from pathlib import Path
 from typing import Annotated, Final, Self
@@ -20,7 +20,7 @@ an environment or a file, which other commands share, they may stand."""
 
 
 class DetectSettings(LookSettings, BusSettings):
-    """Say what is in an image.
+    """Detect the objects in an image.
 
     Asks one of the fleet's detector workers, any that is not busy; with --local a model of this process. Prints a line
     per object, best score first, and then writes the image with the objects drawn over it. Exit code 1 and one line say
@@ -74,7 +74,7 @@ class DetectSettings(LookSettings, BusSettings):
 
     @property
     def of_model(self) -> DetectorSettings:
-        """The settings of the model that looks at the image here."""
+        """The settings of the model that runs here."""
         chosen = {name: getattr(self, name) for name in LookSettings.model_fields}
         return DetectorSettings(model=self.model or str(SHIPPED_MODEL), runtime=self.runtime, **chosen)
 

@@ -1,1 +1,1 @@
-"""The training of the shipped model, which is evaluated through the detector that it is for."""
+"""Trains the shipped model, evaluated through the detector that uses it."""

@@ -1,4 +1,4 @@
-"""The detector's own way from a camera's picture to detections, for those who measure it."""
+"""The detector's own path from a camera's image to detections, for measurements."""
 
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
@@ -57,7 +57,7 @@ def open_follower(weights: Path, *, device: str | None, folder: Path, runtime: s
     Raises:
         ModelError: no model, or none that finds masks of the simulated world's classes.
     """
-    settings = _settings(weights, device, runtime=runtime, track_score=NEUTRAL)  # as once they are shipped
+    settings = _settings(weights, device, runtime=runtime, track_score=NEUTRAL)  # as if they were shipped already
     model = _loaded(settings, folder)
     following = tracking(settings, model)
     drives = count()
@@ -89,7 +89,7 @@ def _settings(weights: Path, device: str | None, **more: float | str) -> Detecto
 def open_model(
     weights: Path, device: str | None, *, folder: Path, refiner: Refiner | None = None, **more: float | str
 ) -> Pipeline:
-    """Load `weights` as a detector does, for one thread. refiner: instead of that of the weights.
+    """Load `weights` as a detector does, for one thread. refiner: replaces that of the weights.
 
     Raises:
         ModelError: no model, or none that finds masks of the simulated world's classes.
@@ -108,7 +108,7 @@ def _loaded(settings: DetectorSettings, folder: Path, refiner: Refiner | None = 
 
 
 def objects_of(weights: Path, outcome: Outcome) -> Sequence[Detection]:
-    """Return what was found.
+    """Return the detections.
 
     Raises:
         ModelError: it could not be looked for.

@@ -1,4 +1,4 @@
-"""The training run as a command."""
+"""Runs the training as a command."""
 
 from services.toolbox.train.inference import open_weights
 from services.toolbox.train.refinement import REFINEMENT

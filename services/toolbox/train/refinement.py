@@ -34,13 +34,13 @@ NOTHING: Final = blank_close_ups(0, 0)
 
 
 class _Witness:
-    """A `Refiner` that refines nothing, and keeps what it was shown."""
+    """A `Refiner` that refines nothing, and records its inputs."""
 
     def __init__(self) -> None:
         self._seen = NOTHING
 
     def asked(self) -> CloseUps:
-        """Return what it was shown since it was last asked: nothing where there was nothing to refine."""
+        """Return the inputs recorded since the last call, if there were any."""
         seen, self._seen = self._seen, NOTHING
         return seen
 

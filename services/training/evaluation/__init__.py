@@ -1,1 +1,1 @@
-"""What a model's figures are: the same code for the model card and for the benchmark, whoever runs the model."""
+"""Computes a model's metrics, with the same code for the model card and the benchmark."""

@@ -1,4 +1,4 @@
-"""How often the list of classes in view is right."""
+"""Measures how often the list of classes in view is right."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ VISIBLE_AREA: Final = 0.0005
 
 @dataclass(frozen=True, slots=True)
 class ListFigures:
-    """Of the class lists at `confidence`: in how many pictures each class was missed, and in how many invented."""
+    """Errors of class lists at `confidence`: number of images in which each class was missed or invented."""
 
     confidence: float
     pictures: int
@@ -46,7 +46,7 @@ class ListScore:
     _pictures: list[_Picture] = field(default_factory=list)
 
     def add(self, truths: Sequence[Truth], detections: Sequence[Detection]) -> None:
-        """Take in what is and what was found in one picture."""
+        """Add the truth and the detections of one image."""
         best: dict[str, float] = {}
         for found in detections:
             best[found.name] = max(found.score, best.get(found.name, 0))
@@ -55,7 +55,7 @@ class ListScore:
         self._pictures.append(_Picture(required, allowed, best))
 
     def figures(self, confidence: float) -> ListFigures:
-        """What the pictures so far amount to if a detection counts from `confidence` on."""
+        """The result of the images so far if detections count from `confidence` on."""
         exact, missed, invented = 0, Counter[str](), Counter[str]()
         for picture in self._pictures:
             listed = {name for name, score in picture.best.items() if score >= confidence}

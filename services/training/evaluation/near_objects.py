@@ -1,4 +1,4 @@
-"""How a model names what is near on drives through scenes that it was not trained on."""
+"""Measures how a model names nearby objects on drives through unseen scenes."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -21,7 +21,7 @@ Box = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class NearFigures:
-    """Of the near objects of each class on drives through unseen scenes: how many, named right, and misnamed.
+    """Near objects of each class on drives through unseen scenes: total, named right, and misnamed.
 
     `invented` counts the large predictions of each class in `pictures` where nothing of that class was.
     """
@@ -56,7 +56,7 @@ class LabelledView:
 
 
 def near_figures(predict: Predictor, seeds: Sequence[int], frames: int, report: Callable[[int], None]) -> NearFigures:
-    """Drive through the scenes of `seeds`, `frames` pictures each, and ask what is near."""
+    """Drive through the scenes of `seeds`, `frames` images each, and run the model on nearby objects."""
     objects, named, misnamed, invented = (Counter[str]() for _ in range(4))
     for done, seed in enumerate(seeds, start=1):
         for view in near_views(seed, frames):
@@ -83,7 +83,7 @@ def near_views(seed: int, frames: int) -> Iterator[LabelledView]:
 
 
 def near_objects(objects: Iterable[SeenObject]) -> list[LabelledBox]:
-    """The objects whose visible part is large in the picture and within `NEAR_METRES`."""
+    """The objects whose visible part is large in the image and within `NEAR_METRES`."""
     large = (each for each in objects if each.image_share >= NEAR_AREA)
     return [LabelledBox(each.name, _box(each)) for each in large if each.depth_m <= NEAR_METRES]
 
@@ -94,20 +94,20 @@ def _box(seen: SeenObject) -> Box:
 
 
 def predicted(detections: Sequence[Detection]) -> list[LabelledBox]:
-    """What a model found, as what is compared."""
+    """A model's detections, in the form to compare."""
     return [
         LabelledBox(each.name, np.array([each.box.x1, each.box.y1, each.box.x2, each.box.y2])) for each in detections
     ]
 
 
 def match(truth: LabelledBox, predictions: list[LabelledBox]) -> tuple[bool, bool]:
-    """Whether some prediction lies on `truth` with the right name, and whether one does with a wrong name."""
+    """Whether a prediction overlaps `truth` with the right name, and whether one does with a wrong name."""
     on_it = [p.name for p in predictions if _iou(truth.box, p.box) >= MATCHING_IOU]
     return truth.name in on_it, any(name != truth.name for name in on_it)
 
 
 def is_invented(prediction: LabelledBox, classes: NDArray[np.int32]) -> bool:
-    """Whether a large prediction has next to nothing of its class inside its box."""
+    """Whether a large prediction has almost nothing of its class inside its box."""
     left, top, right, bottom = np.rint(prediction.box).astype(int)
     window = classes[top:bottom, left:right]
     if window.size < NEAR_AREA * classes.size:

@@ -1,4 +1,4 @@
-"""COCO's average precision of masks, by pycocotools.
+"""Computes COCO's average precision of masks, with pycocotools.
 
 An object is asked for when at least half of it is visible and that is at least 0.1 % of the picture. Every other object
 is an ignore region, COCO's `iscrowd`: a detection of its class that is not the match of one asked for, and lies on the
@@ -37,7 +37,7 @@ _CATEGORIES: Final[dict[str, int]] = {name: number for number, name in enumerate
 
 @dataclass(frozen=True, slots=True)
 class Precision:
-    """Average precision at an IoU of 0.5 and over 0.5 to 0.95; None where nothing was asked for.
+    """Average precision at an IoU of 0.5 and over 0.5 to 0.95; None without ground truth.
 
     truths: how many objects were asked for.
     """
@@ -49,7 +49,7 @@ class Precision:
 
 @dataclass(frozen=True, slots=True)
 class MaskFigures:
-    """Of all (the mean over the classes that there were), of each class, and of each size band (the mean likewise).
+    """Precision overall (the mean of the classes present), by class, and by size band (likewise).
 
     by_score: of all, if the masks' own qualities were not looked at.
     """
@@ -70,7 +70,7 @@ class MaskScore:
     _qualities: list[float] = field(default_factory=list)
 
     def add(self, size: tuple[int, int], truths: Sequence[Truth], detections: Sequence[Detection]) -> None:
-        """Take in what is and what was found in one picture of `size` (height, width).
+        """Add the truth and the detections of one image of `size` (height, width).
 
         Raises:
             ValueError: a detection has no mask.
@@ -87,7 +87,7 @@ class MaskScore:
             self._qualities.append(1 if found.mask.quality is None else found.mask.quality)
 
     def figures(self) -> MaskFigures:
-        """What the pictures so far amount to."""
+        """The result of the images so far."""
         judged = [
             {**found, "score": found["score"] * quality}
             for found, quality in zip(self._found, self._qualities, strict=True)
@@ -114,13 +114,13 @@ class MaskScore:
         }
 
     def _count(self, name: str, band: tuple[float, float]) -> int:
-        """How many objects of a class are asked for in a band, whose ends both belong to it."""
+        """The number of true objects of a class in a size band, both ends included."""
         category = _CATEGORIES[name]
         asked_for = (each for each in self._truths if not each["iscrowd"] and each["category_id"] == category)
         return sum(band[0] <= each["area"] <= band[1] for each in asked_for)
 
     def _precision(self, found: list[dict[str, Any]]) -> NDArray[np.float64]:
-        """Precision by IoU, recall, class and band (the first is every size); -1 where there was nothing to find."""
+        """Precision by IoU, recall, class and band (the first is every size); -1 without ground truth."""
         with contextlib.redirect_stdout(io.StringIO()):  # pycocotools talks
             evaluation = COCOeval(self._coco(self._truths), self._coco(found), "segm")
             evaluation.params.maxDets = [MAX_DETECTIONS]

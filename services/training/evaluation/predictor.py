@@ -1,4 +1,4 @@
-"""What an evaluation asks of a model, whoever runs it."""
+"""The interface of a model to the evaluation."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ class PredictorLoader(Protocol):
     """Loads a model."""
 
     def __call__(self, weights: Path, *, confidence: float, device: str | None, folder: Path) -> Predictor:
-        """Return the way of `weights` to what they see with a score of at least `confidence`.
+        """Return the predictor of `weights`, with scores of at least `confidence`.
 
         device: in Ultralytics' words, or None for the best there is. folder: where files of its own may go.
 

@@ -1,4 +1,4 @@
-"""The held-out pictures and what is truly in them: rendered once, kept in a folder."""
+"""Held-out images and their ground truth: rendered once, kept in a folder."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -48,7 +48,7 @@ class HeldOutView(Picture, frozen=True, kw_only=True):
 
 
 def held_out_seeds(seed: int, count: int) -> list[int]:
-    """The scenes that the models of the run of `seed` are measured on: no run of whatever seed trains on them."""
+    """The evaluation scenes of the run of `seed`; no run of any seed trains on them."""
     return [holdout_seed(seed, FIRST + index) for index in range(count)]
 
 
@@ -67,7 +67,7 @@ def held_out_views(folder: Path, seeds: Sequence[int], workers: int, progress: P
 
 
 def generator_digest() -> str:
-    """The SHA-256 of the sources that decide what the scenes look like."""
+    """The SHA-256 of the sources that determine the scenes."""
     sources = sorted(Path(str(world.__file__)).parent.rglob("*.py"))
     own = [Path(str(viewpoints.__file__))]
     digest = hashlib.sha256()

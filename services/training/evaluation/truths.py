@@ -1,4 +1,4 @@
-"""What is truly in a picture."""
+"""Ground truth of an image."""
 
 from typing import Final
 

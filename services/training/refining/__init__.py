@@ -1,1 +1,1 @@
-"""The network that makes the model's masks finer: trained on what the model finds in scenes of their own."""
+"""Trains the refiner of masks on objects that the model finds in scenes of their own."""

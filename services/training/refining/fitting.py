@@ -28,7 +28,7 @@ WARM_UP: Final = 0.02
 
 
 def fit_refiner(network: "nn.Module", samples: Samples, *, settings: TrainingSettings, progress: Progress) -> None:
-    """Train `network` to its last epoch, going on from the checkpoint that is written after each epoch."""
+    """Train `network` to its last epoch, resuming from the checkpoint that is written after each epoch."""
     import torch  # noqa: PLC0415 - only the training needs it
     from ultralytics.utils.torch_utils import select_device  # noqa: PLC0415 - after load_ultralytics
 
@@ -51,14 +51,14 @@ def fit_refiner(network: "nn.Module", samples: Samples, *, settings: TrainingSet
 
 
 def drawn(labels: NDArray[np.int64], count: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Draw samples, with replacement: of a class that has four times as many only twice as many."""
+    """Draw samples with replacement: a class with four times as many is drawn only twice as often."""
     of_class = np.bincount(labels)
     likely = 1 / np.sqrt(of_class[labels])
     return rng.choice(len(labels), count, p=likely / likely.sum())
 
 
 def rate(step: int, steps: int) -> float:
-    """The learning rate of a step: half a cosine, after it has risen."""
+    """The learning rate of a step: a warm-up, then half a cosine."""
     fallen = LAST_RATE + (RATE - LAST_RATE) * (1 + math.cos(math.pi * step / steps)) / 2
     return fallen * min(1.0, (step + 1) / (WARM_UP * steps))
 
@@ -72,7 +72,7 @@ def _keep(state: dict[str, Any], checkpoint: Path) -> None:
 
 
 def kept_state(checkpoint: Path) -> dict[str, Any] | None:
-    """Return what `fit_refiner` kept; nothing if there is no such file. Nothing in it is executed.
+    """Return the state kept by `fit_refiner`, if there is one. Nothing in the file is executed.
 
     Raises:
         TrainingError: it is something else.
@@ -89,7 +89,7 @@ def kept_state(checkpoint: Path) -> dict[str, Any] | None:
 
 
 def _resumed(checkpoint: Path, network: "nn.Module", optimizer: "torch.optim.Optimizer") -> int:
-    """Go on where an earlier run was interrupted; return the epoch to begin with."""
+    """Resume an interrupted run; return the epoch to begin with."""
     state = kept_state(checkpoint)
     if state is None:
         return 0
@@ -102,4 +102,4 @@ def _resumed(checkpoint: Path, network: "nn.Module", optimizer: "torch.optim.Opt
 
 
 def _no_checkpoint(checkpoint: Path, reason: str) -> TrainingError:
-    return TrainingError(f"{checkpoint} is no checkpoint of a refiner, remove it: {reason}")
+    return TrainingError(f"{checkpoint}: not a checkpoint of a refiner ({reason}); remove it")

@@ -1,4 +1,4 @@
-"""What the training of a refiner asks of the detector that the refiner is for."""
+"""The interface of the detector to the training of its refiner."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Looks:
-    """What a refiner sees of the objects that a model found in a picture.
+    """The refiner's inputs for the objects that a model found in an image.
 
     pixels: close-ups, objects x side x side x channels. features: what the model made of those places, objects x rows x
     columns x channels. labels, scores: of the objects. windows: what each close-up shows of the model's input, objects
@@ -37,7 +37,7 @@ RefinerLook = Callable[[NDArray[np.uint8]], Looks]
 
 @dataclass(frozen=True, slots=True)
 class Refinement:
-    """The detector's part.
+    """Provides the detector's close-ups and network.
 
     open: loads weights, in any process, onto a device to look with them; the folder is for files of its own. network:
     makes a network that knows nothing yet, for so many classes and channels of features; its forward takes pixels,

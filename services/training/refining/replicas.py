@@ -1,4 +1,4 @@
-"""A network that learns on two processors at once.
+"""Trains a network on two processors at once.
 
 Each has a copy of it, and half of each batch: processors that share layers this small wait for each other for a quarter
 of the time, and for far more if something else keeps one of them busy. There are two halves wherever it learns, so what
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 PARTS: Final = 2
 
 QUALITY: Final = 0.3
-"""What the loss of qualities counts beside that of masks."""
+"""The weight of the loss of qualities relative to that of masks."""
 
 HALF: Final = 0.5
 
 MALLOPT: Final = {-1: 2**31 - 1, -2: 2**28, -3: 2**30}
-"""What glibc is to keep of freed memory, to ask for at once, and to ask for apart, in bytes; see mallopt(3)."""
+"""glibc's thresholds for keeping, requesting and mapping memory, in bytes; see mallopt(3)."""
 
 
 class Replicas:
-    """A network and its copies; what normalises layers, once nothing is learned, is the network's own."""
+    """A network and its copies; normalisation layers, once frozen, are the network's own."""
 
     def __init__(self, network: "nn.Module", samples: Samples, device: "torch.device", threads: int) -> None:
         self._networks = [network, *(deepcopy(network) for _ in range(PARTS - 1))]
@@ -48,7 +48,7 @@ class Replicas:
         self._threads.shutdown()
 
     def learn(self, batch: NDArray[np.int64]) -> None:
-        """Leave the gradients of a batch of samples, as many as can be halved, with the network's parameters."""
+        """Store the gradients of a batch of samples, whose number is even, in the network's parameters."""
         import torch  # noqa: PLC0415 - only the training needs it
 
         network, *copies = self._networks
@@ -70,7 +70,7 @@ class Replicas:
 
 
 def _keep_freed_memory() -> None:
-    """Have the next step use what this one freed: else threads wait for each other while the kernel clears it anew."""
+    """Keep freed memory for the next step: otherwise threads wait while the kernel clears it anew."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # other C libraries have none
     if mallopt is not None:
         for option, value in MALLOPT.items():
@@ -82,7 +82,7 @@ def _gradients(network: "nn.Module") -> "list[Tensor]":
 
 
 def _loss(network: "nn.Module", batch: Records, device: "torch.device") -> "Tensor":
-    """Return what the masks of objects lack, by cross entropy and Dice loss, and what the qualities of all do."""
+    """Return the loss of objects' masks (cross entropy and Dice) and that of all qualities."""
     import torch  # noqa: PLC0415 - only the training needs it
     from torch.nn.functional import binary_cross_entropy_with_logits  # noqa: PLC0415 - only the training needs it
 
@@ -102,5 +102,5 @@ def _loss(network: "nn.Module", batch: Records, device: "torch.device") -> "Tens
 
 
 def _iou(masks: "Tensor", others: "Tensor") -> "Tensor":
-    """Of masks with others; 0 where neither has anything."""
+    """IoU of masks with others; 0 where both are empty."""
     return (masks & others).sum((1, 2)) / (masks | others).sum((1, 2)).clamp_min(1)

@@ -1,4 +1,4 @@
-"""From weights to what refines their masks."""
+"""Trains the refiner of given weights."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ from services.training.settings import TrainingSettings
 
 @dataclass(frozen=True, slots=True)
 class TrainedRefiner:
-    """A trained refiner as weights have it, and of how many objects it learned; nothing, and of none, without one."""
+    """A trained refiner in checkpoint form, and the number of objects it learned from; empty and 0 without one."""
 
     kept: Mapping[str, Any]
     objects: int
 
 
 def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, progress: Progress) -> TrainedRefiner:
-    """Train what refines the masks of `weights`, unless they find too little to learn from."""
+    """Train the refiner of `weights`, unless they find too few objects to learn from."""
     import torch  # noqa: PLC0415 - only the training needs it
 
     seeds = refining_seeds(settings.seed, settings.images, settings.refiner_images)

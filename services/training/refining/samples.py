@@ -1,4 +1,4 @@
-"""What a refiner learns from: close-ups of what the model finds in scenes, and the true masks in them."""
+"""Training samples of a refiner: close-ups of objects that the model finds, and their true masks."""
 
 import io
 from collections.abc import Callable, Sequence
@@ -17,16 +17,16 @@ from services.training.parallel import Progress
 from services.training.refining.refinement import Looks, Refinement
 
 MIN_IOU: Final = 0.25
-"""Of a coarse mask with an object, for the object to be what was found."""
+"""Minimum IoU of a coarse mask with an object for it to be the object found."""
 
 NO_IOU: Final = 0.1
-"""Of a coarse mask with every object of its class, for there to be nothing of what was found."""
+"""Maximum IoU of a coarse mask with every object of its class for it to be a false detection."""
 
 MIN_VISIBILITY: Final = 0.3
-"""Of an object that is learned from: what is left of one that is more hidden says little of its outline."""
+"""Minimum visible share of an object to learn from: the rest of a more hidden one says little of its outline."""
 
 SEEN: Final = ("pixels", "features", "labels", "scores")
-"""What a sample has of `Looks`."""
+"""The fields of `Looks` in a sample."""
 
 Bytes = NDArray[np.uint8]
 Records = NDArray[np.void]
@@ -35,7 +35,7 @@ and 0 everywhere where there is no such object."""
 
 
 class Samples:
-    """Samples in files, from where they are read whenever they are taken: all together may be more than memory holds.
+    """Samples in files, read on each access: together they may exceed the memory.
 
     labels: of all of them.
     """
@@ -47,7 +47,7 @@ class Samples:
         self._begins = np.cumsum([0, *map(len, parts)])
 
     def take(self, chosen: NDArray[np.int64]) -> Records:
-        """Read the samples of these numbers, of which there is at least one."""
+        """Read the samples of these indices, of which there is at least one."""
         files = np.searchsorted(self._begins, chosen, side="right") - 1
         return np.stack([_opened(self._files[k])[n - self._begins[k]] for k, n in zip(files, chosen, strict=True)])
 
@@ -76,7 +76,7 @@ def write_samples(
     workers: int,
     progress: Progress,
 ) -> list[Path]:
-    """Look at `VIEWS` pictures of each scene with `weights`; return files of samples, which are kept for later runs."""
+    """Run `weights` on `VIEWS` images of each scene; return files of samples, which are kept for later runs."""
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / f"{seed:09d}.npy" for seed in seeds]
     jobs = [
@@ -91,7 +91,7 @@ def write_samples(
 
 
 def refining_seeds(seed: int, images: int, refiner_images: int) -> list[int]:
-    """The scenes to look at: those after the training's, in which the model finds what it would find anywhere."""
+    """The scenes to use: those after the training's, on which the model performs as on any other."""
     first = -(-images // VIEWS)
     return [training_seed(seed, first + index) for index in range(-(-refiner_images // VIEWS))]
 
@@ -100,14 +100,14 @@ def _write(job: _Job) -> None:
     look = job.refinement.open(job.weights, job.device, job.folder)
     stretched = job.refinement.stretched
     parts = [matched(look(image), truths, stretched) for image, truths in pictures_of(job.seed, VIEWS)]
-    found = [part for part in parts if len(part)]  # others may not know the shape of what they have none of
+    found = [part for part in parts if len(part)]  # parts without objects may have another shape
     content = io.BytesIO()
     np.save(content, np.concatenate(found) if found else parts[0])
     write_whole(job.file, content.getvalue())
 
 
 def matched(looks: Looks, truths: Sequence[SeenObject], stretched: Callable[[Bytes], Bytes]) -> Records:
-    """Find the object that each close-up is of, or that it is of none; what is in doubt or shows little is left out."""
+    """Match each close-up to its object, or to none; doubtful ones and those that show little are left out."""
     whole = [looks.letterboxed(np.where(truth.full_mask(), np.uint8(255), np.uint8(0))) for truth in truths]
     side = looks.pixels.shape[1]
     learned: list[int] = []

@@ -147,7 +147,7 @@ def test_an_object_that_gives_no_points_has_none_of_what_is_around_it(factor: in
     view = RegisteredView(Points.of(cloud), factor)
     made = measure(found, view, of=cloud.header, target=BASE, limits=CloudLimits(), worker="w")
     assert [each.index for each in made.objects] == [1]
-    assert made.unmeasured[0].endswith(" points within its mask, all of what is around it: it gives none itself")
+    assert made.unmeasured[0].endswith(" points within its mask, all from its surroundings: it returns none itself")
 
 
 def test_an_object_that_gives_no_points_has_none_of_an_unordered_cloud() -> None:
@@ -155,7 +155,7 @@ def test_an_object_that_gives_no_points_has_none_of_an_unordered_cloud() -> None
     view = ProjectedView(Points.of(cloud), CAMERA, np.identity(4))
     made = measure(found, view, of=cloud.header, target=BASE, limits=CloudLimits(), worker="w")
     assert [each.index for each in made.objects] == [1]
-    assert made.unmeasured[0].endswith(" points within its mask, all of what is around it: it gives none itself")
+    assert made.unmeasured[0].endswith(" points within its mask, all from its surroundings: it returns none itself")
 
 
 def test_points_that_are_only_scattered_are_no_object() -> None:

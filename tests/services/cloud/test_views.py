@@ -67,7 +67,7 @@ def test_what_is_missing_is_said() -> None:
     lidar = picture().reshape(1, -1, 3)
     with pytest.raises(CloudError, match=NO_INFO):
         view_of(instant(lidar, calibration=None))
-    with pytest.raises(CloudError, match="cannot be brought to the picture: nothing is known"):
+    with pytest.raises(CloudError, match="cannot be projected into the image: nothing is known"):
         view_of(instant(picture(), moves="nothing is known of frame 'lidar'"))
     with pytest.raises(CalibrationError, match="calibrated for 64x48 pixels"):
         view_of(instant(lidar, calibration=info()))
@@ -165,4 +165,4 @@ def test_a_target_farther_away_than_messages_carry_is_unknown() -> None:
     far = tree(("utm", "map", 0, 8e8), ("map", "lens", 0, 8e8))
     target = target_of("utm", at(0, "lens"), far)
     assert target.from_points is None
-    assert target.unknown == "utm is more than 5e+08 m away by the transforms"
+    assert target.unknown == "utm is more than 5e+08 m away according to the transforms"

@@ -194,7 +194,7 @@ async def test_what_cannot_be_known_is_said_and_counted(rig: Rig) -> None:
         front[Stream.POINTS].put(codec.encode(strange))
         front[Stream.DETECTIONS].put(codec.encode(found(2)))
         unplaced = await receive(objects, ObjectClouds)
-        assert "points cannot be brought to the picture: nothing is known of frame" in unplaced.unmeasured[0]
+        assert "points cannot be projected into the image: nothing is known of frame" in unplaced.unmeasured[0]
         whole = codec.encode(registered(3))
         for bad in (b"garbage", codec.encode(msgspec.structs.replace(registered(3), header=header(robot="r9")))):
             front[Stream.POINTS].put(bad)

@@ -66,7 +66,7 @@ async def test_the_frame_in_the_model_is_published_and_drawn(bus: Bus) -> None:
         await called(model)
         worker.cancel()
         await until(lambda: not camera.wanted)
-        with pytest.raises(RefusedError, match="busy: this worker leaves"):
+        with pytest.raises(RefusedError, match="busy: this worker is shutting down"):
             await bus.request(worker_keys.infer("w1"), png(), timeout_s=PATIENCE_S)
         await asyncio.wait([worker], timeout=LONG_S)
         assert not worker.done()

@@ -66,7 +66,7 @@ async def test_a_model_that_works_no_longer_ends_a_worker_without_cameras_too(
     async with fleet() as (bus, endpoint), bus.watch(worker_keys.every_worker_alive("detector")) as watch:
         working = asyncio.create_task(work(settings(endpoint, worker="w1"), FakeModel(broken=True)))
         assert (await anext(watch)).alive
-        with pytest.raises(RefusedError, match="busy: this worker ends: no memory"):
+        with pytest.raises(RefusedError, match="busy: this worker is shutting down: no memory"):
             await bus.request(worker_keys.infer("w1"), png(), timeout_s=PATIENCE_S)
         assert await working == FAILED
         assert not (await anext(watch)).alive

@@ -74,7 +74,7 @@ async def ended_by(model: FakeModel, reason: str) -> AsyncIterator[Bus]:
 
 async def test_whoever_asks_a_model_that_works_no_longer_hears_why_and_the_worker_ends() -> None:
     async with ended_by(FakeModel(broken=True), r"^no memory$") as bus:
-        with pytest.raises(RefusedError, match=r"^busy: this worker ends: no memory$"):
+        with pytest.raises(RefusedError, match=r"^busy: this worker is shutting down: no memory$"):
             await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
 
 
@@ -87,7 +87,7 @@ async def test_a_model_that_never_answers_ends_the_worker_also_when_nobody_waits
     async with ended_by(model, r"^fake has not answered for 1\.2 s$") as bus:
         with pytest.raises(RequestTimeoutError):
             await bus.request(worker_keys.infer("w1"), png(), timeout_s=0.1)
-        with pytest.raises(RefusedError, match="busy: an image is still being looked at"):
+        with pytest.raises(RefusedError, match="busy: still processing an image"):
             await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
     model.may_answer.set()
 
@@ -118,7 +118,7 @@ async def test_an_image_whose_caller_waits_no_longer_is_decoded_alone(
     with pytest.raises(RequestTimeoutError):
         await bus.request(worker_keys.infer("w1"), png(), timeout_s=0.1)
     assert await asyncio.to_thread(begun.acquire, timeout=60)
-    with pytest.raises(RefusedError, match="busy: an image is still being decoded"):
+    with pytest.raises(RefusedError, match="busy: still decoding an image"):
         await bus.request(worker_keys.infer("w1"), png(), timeout_s=60)
     may_end.set()
     while True:

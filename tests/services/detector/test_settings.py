@@ -45,7 +45,7 @@ def test_what_is_made_of_weights_is_below_a_users_cache_and_without_a_home_nowhe
 
 
 def test_no_detector_is_called_as_gateways_know_a_second_opinion() -> None:
-    with pytest.raises(ValidationError, match=r"--worker opinion\.x: to gateways 'opinion\.' begins"):
+    with pytest.raises(ValidationError, match=r"--worker opinion\.x: the prefix 'opinion\.' is reserved"):
         DetectorSettings(worker="opinion.x")
     assert DetectorSettings(worker="opinion.x", opinion=True).worker == "opinion.x"
     assert DetectorSettings(worker="opinion-x").worker == "opinion-x"

@@ -135,7 +135,7 @@ def test_a_transform_to_nowhere_makes_no_result_that_nobody_can_read() -> None:
     vast[0, 3] = 1e10
     seen = view(wall(2.0), "none", Frame("map", vast))
     measured = known(measure(found(mask(ROWS, COLUMNS)), seen, Criteria())[0])
-    assert measured.places[1].unknown == "more than 1e+09 m away by the transforms"
+    assert measured.places[1].unknown == "more than 1e+09 m away according to the transforms"
 
 
 def test_without_a_calibration_there_is_a_distance_and_no_place() -> None:
@@ -165,7 +165,9 @@ def test_an_object_that_gives_no_depth_is_not_where_the_things_around_it_are(aro
     depth[12:28, 22:48] = NAN  # the object; its mask is two pixels too large
     (black,) = measure(found(mask(ROWS, COLUMNS)), view(depth), Criteria())
     assert black.measured is None
-    assert black.unknown == "184 of its 600 pixels have a reading, all of what is around it: it gives no depth itself"
+    assert (
+        black.unknown == "184 of its 600 pixels have a reading, all from its surroundings: it returns no depth itself"
+    )
     assert black.valid_share == pytest.approx(184 / 600)
     depth[12:28, 22:48] = 2.5
     assert known(measure(found(mask(ROWS, COLUMNS)), view(depth), Criteria())[0]).axial_m == 2.5
@@ -203,7 +205,7 @@ def test_pixels_that_look_nowhere_have_a_depth_and_no_place() -> None:
     seen = DepthView(Depth(wall(2.0)), FRAME, folded)
     measured = known(measure(found(mask(slice(0, 8), slice(0, 8))), seen, Criteria())[0])
     assert (measured.axial_m, measured.euclidean_m) == (2.0, None)
-    assert "look nowhere" in measured.places[0].unknown
+    assert "gives its pixels no direction" in measured.places[0].unknown
 
 
 def test_where_only_scattered_readings_look_somewhere_the_place_is_of_these() -> None:
@@ -222,7 +224,7 @@ def test_a_lens_that_sees_beyond_all_distances_makes_no_result_that_nobody_can_r
     seen = DepthView(Depth(wall(5_000.0)), FRAME, camera(focal=1e-3))
     measured = known(measure(found(mask(ROWS, slice(0, 20))), seen, Criteria())[0])
     assert (measured.axial_m, measured.euclidean_m) == (5_000, None)
-    assert "look nowhere" in measured.places[0].unknown
+    assert "gives its pixels no direction" in measured.places[0].unknown
 
 
 def test_a_camera_of_another_size_is_refused() -> None:

@@ -36,5 +36,5 @@ def test_what_is_out_of_range_is_named(field: str, value: object) -> None:
 
 
 def test_limits_the_wrong_way_round() -> None:
-    with pytest.raises(ValidationError, match="farthest_m: 2 is not beyond nearest_m, 2"):
+    with pytest.raises(ValidationError, match="farthest_m: 2 must be greater than nearest_m, 2"):
         DistanceSettings(nearest_m=2, farthest_m=2)

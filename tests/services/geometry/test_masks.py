@@ -56,7 +56,7 @@ def test_a_mask_without_pixels_is_an_empty_window() -> None:
         ("P", "not encoded"),
         (" ", "not encoded"),
         ("~", "not encoded"),
-        ("O", "less than no pixels"),
+        ("O", "negative length"),
         ("PPPPPPPPPPPPPPPPPPPP1", "longer than any image"),
     ],
 )

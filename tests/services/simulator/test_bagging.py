@@ -66,7 +66,7 @@ async def test_an_interrupted_bag_is_whole_as_far_as_it_goes(tmp_path: Path) -> 
 async def test_what_would_not_fit_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     with (
         ThreadPoolExecutor(1) as executor,
-        pytest.raises(BagError, match=r"out[.]bag: needs about \d[\d.]+ GB of the [\d.]+ [GM]B that are free"),
+        pytest.raises(BagError, match=r"out[.]bag: needs about \d[\d.]+ GB, but [\d.]+ [GM]B are free"),
     ):
         await write_bags(tmp_path / "out.bag", [robot()], hz=4, instants=10**12, executor=executor)
     assert names_in(tmp_path) == []

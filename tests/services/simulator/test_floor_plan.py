@@ -42,7 +42,7 @@ def test_a_name_that_means_something_in_yaml_is_quoted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["map.yaml", "map.pgm"])
 def test_a_map_that_is_there_already_stays(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("a real one")
-    with pytest.raises(FloorPlanError, match=rf"--floor-plan .*map.yaml: .*/{name} is there already"):
+    with pytest.raises(FloorPlanError, match=rf"--floor-plan .*map.yaml: .*/{name} already exists"):
         write_floor_plan(tmp_path / "map.yaml", 1)
     assert [file.read_text() for file in tmp_path.iterdir()] == ["a real one"]
 

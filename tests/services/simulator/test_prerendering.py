@@ -34,4 +34,4 @@ async def test_all_that_topics_need_is_there_before_anybody_drives(capsys: pytes
 async def test_what_does_not_fit_is_said(caplog: pytest.LogCaptureFixture) -> None:
     with ThreadPoolExecutor(1) as executor, caplog.at_level(logging.INFO):
         await prerender(fleet(20_000), executor)
-    assert "not everything fits in --memory-mib" in caplog.text
+    assert "--memory-mib: not everything fits" in caplog.text

@@ -95,7 +95,7 @@ def test_what_could_not_be_written_is_a_failure(argv: list[str], unbuffered: str
     with Path("/dev/full").open("w") as full:
         ended = _printing(argv, full.fileno(), unbuffered)
     assert ended.returncode == process.EXIT_FAILED
-    assert ended.stderr == "fleetsight: what was printed is lost: No space left on device\n"
+    assert ended.stderr == "fleetsight: the output cannot be written: No space left on device\n"
 
 
 def _printing(argv: list[str], to: int, unbuffered: str = "") -> subprocess.CompletedProcess[str]:
@@ -185,7 +185,7 @@ EXPORT = ["history", "export", "--to", "a.csv", "--history", "sqlite:////nowhere
         (["monitor", "--refresh-s", "nan"], "--refresh-s 'nan': Input should be a finite number"),
         (["simulate", "--bag", "a.bag", "--ros-master", "http://robot:11311"], "--bag needs no ROS master"),
         (["simulate", "--bag", "a.bag", "--summary"], "--summary counts what is published live"),
-        (["simulate", "--bag", "{nope}.bag"], "--bag '{nope}.bag': {nope} stands for nothing; {robot} does"),
+        (["simulate", "--bag", "{nope}.bag"], "--bag '{nope}.bag': unknown placeholder {nope}; use {robot}"),
         (["clouds", "save", "r1", "front", "--folder", "/dev/null"], "--folder '/dev/null': no folder"),
     ],
     ids=lambda each: " ".join(each) if isinstance(each, list) else "",

@@ -163,7 +163,7 @@ def test_a_result_that_cannot_be_written_is_a_failure(
     with suppress(OSError), Path("/dev/full").open("w") as full:
         monkeypatch.setattr(sys, "stdout", full)
         assert process.run(main) == process.EXIT_FAILED
-    assert capsys.readouterr().err == "fleetsight: what was printed is lost: No space left on device\n"
+    assert capsys.readouterr().err == "fleetsight: the output cannot be written: No space left on device\n"
 
 
 PRINTING = """

@@ -104,8 +104,8 @@ def test_toml_file(tmp_path: Path) -> None:
         (("--robot", "r", "--rate-hz", "0"), "--rate-hz '0': Input should be greater than 0"),
         (("--robot", "r", "--rate-hz", "nan"), "--rate-hz 'nan': Input should be a finite number"),
         (("--robot", "r", "--rate-hz=-inf"), "--rate-hz '-inf': Input should be a finite number"),
-        (("--robot", "r", "--image", "a\udcff"), "--image: no UTF-8"),
-        (("--robot", "r", "--image=a\udcff"), "--image: no UTF-8"),
+        (("--robot", "r", "--image", "a\udcff"), "--image: not UTF-8"),
+        (("--robot", "r", "--image=a\udcff"), "--image: not UTF-8"),
         (("--robot", "r", "--config", ""), "--config names no file"),
         (("--robot", "r", "--rate-hz", "fast"), "--rate-hz 'fast': Input should be a valid number"),
         (("--robot", "r", "--robt", "r"), "unrecognized arguments: --robt r; did you mean --robot?"),
@@ -132,17 +132,17 @@ def test_a_wrong_setting_is_named_on_one_line(argv: tuple[str, ...], message: st
     [
         ("a.toml", "robt = 'r'", "a.toml: 'robt' is not a setting; did you mean robot?"),
         ("a.toml", "robot =", "Invalid value"),
-        ("a.toml", "robot = 'r'\nleast-m = 1\nleast_m = 2", "a.toml: 'least_m' is there twice"),
+        ("a.toml", "robot = 'r'\nleast-m = 1\nleast_m = 2", "a.toml: 'least_m' is given twice"),
         ("a.yaml", "robot: [", "a.yaml: line 1: expected the node content"),
         ("a.yaml", "robot: r\nrobt: r", "a.yaml: line 2: 'robt' is not a setting; did you mean robot?"),
-        ("a.yaml", "robot: r1\nrobot: r2", "a.yaml: line 2: 'robot' is there twice"),
-        ("a.yaml", "robot: r\nleast-m: 1\nleast_m: 2", "a.yaml: line 3: 'least_m' is there twice"),
-        ("a.yaml", "robot: r\ncameras:\n  front: /a\n  front: /b", "a.yaml: line 4: 'front' is there twice"),
-        ("a.yaml", "robot: r\nrate-hz: yes", "a.yaml: line 2: rate_hz: yes and no are no values for it"),
-        ("a.yaml", "robot: r\nconnect: [a, no]", "a.yaml: line 2: connect: yes and no are no values for it"),
-        ("a.yaml", "robot: no", "a.yaml: line 1: robot: yes and no are no values for it; in quotes they are text"),
-        ("a.yaml", "robot: r\nconfig: b.yaml", "a.yaml: line 2: 'config' is no setting of a file"),
-        ("a.yaml", "- robot", "settings are name: value pairs"),
+        ("a.yaml", "robot: r1\nrobot: r2", "a.yaml: line 2: 'robot' is given twice"),
+        ("a.yaml", "robot: r\nleast-m: 1\nleast_m: 2", "a.yaml: line 3: 'least_m' is given twice"),
+        ("a.yaml", "robot: r\ncameras:\n  front: /a\n  front: /b", "a.yaml: line 4: 'front' is given twice"),
+        ("a.yaml", "robot: r\nrate-hz: yes", "a.yaml: line 2: rate_hz: yes and no are not valid here"),
+        ("a.yaml", "robot: r\nconnect: [a, no]", "a.yaml: line 2: connect: yes and no are not valid here"),
+        ("a.yaml", "robot: no", "a.yaml: line 1: robot: yes and no are not valid here; quote them to make them text"),
+        ("a.yaml", "robot: r\nconfig: b.yaml", "a.yaml: line 2: 'config' cannot be set in a file"),
+        ("a.yaml", "- robot", "not a mapping; write settings as name: value pairs"),
         ("a.yaml", "robot: r\nrate-hz: -1", "a.yaml: line 2: rate_hz -1: Input should be greater than 0"),
         ("a.yaml", "robot: \x00", "unacceptable character"),
         ("a.yaml", "robot: 2026-13-01", "a.yaml: line 1: '2026-13-01' is no timestamp"),
@@ -213,5 +213,5 @@ def test_a_mistake_in_the_environment_is_named_by_its_variable(tmp_path: Path, m
         read("--robot", "r1")
     monkeypatch.delenv("FLEETSIGHT_CONFIG")
     monkeypatch.setenv("FLEETSIGHT_IMAGE", "a\udcff")
-    with pytest.raises(UsageError, match=r"^FLEETSIGHT_IMAGE: no UTF-8$"):
+    with pytest.raises(UsageError, match=r"^FLEETSIGHT_IMAGE: not UTF-8$"):
         read("--robot", "r1")

@@ -37,7 +37,7 @@ def test_a_training_that_is_told_to_stop_is_done_and_leaves_no_process_behind(tm
         _, said = running.communicate(timeout=60)
     alive = [pid for pid in began if runs(pid)]
     assert running.returncode == 128 + signal.SIGTERM
-    assert b"leaving at once" not in said
+    assert b"exiting at once" not in said
     assert b"leaked" not in said
     assert len(alive) <= 1  # that one, which notices at its own pace
     wait_until(lambda: not any(map(runs, began)))

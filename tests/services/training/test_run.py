@@ -232,10 +232,10 @@ def test_what_cannot_work_is_said_before_anything_is_rendered(tmp_path: Path) ->
     assert "tiny-seg.pt: File exists" in refusal(small(tmp_path / "b"))
     (tmp_path / "c" / "work").mkdir(parents=True)
     fine(small(tmp_path / "c")).checkpoint(tmp_path / "c" / "work").write_bytes(b"no checkpoint")
-    assert "fine.pt is no checkpoint, remove it: " in refusal(small(tmp_path / "c"))
+    assert "fine.pt: not a checkpoint (" in refusal(small(tmp_path / "c"))
     (tmp_path / "d" / "work").mkdir(parents=True)
     (tmp_path / "d" / "work" / "refiner.pt").write_bytes(b"no checkpoint")
-    assert "refiner.pt is no checkpoint of a refiner, remove it: " in refusal(small(tmp_path / "d"))
+    assert "refiner.pt: not a checkpoint of a refiner (" in refusal(small(tmp_path / "d"))
 
 
 @pytest.mark.usefixtures("resumed")
@@ -247,5 +247,5 @@ def test_a_checkpoint_that_is_more_than_a_network_is_not_unpickled(tmp_path: Pat
     made, settings = tmp_path / "made", small(tmp_path)
     settings.work_dir.mkdir(parents=True)
     torch.save({"epoch": 0, "model": Intruder(made)}, fine(settings).checkpoint(settings.work_dir))
-    assert "fine.pt is no checkpoint, remove it: it calls for posix.mkdir" in refusal(settings)
+    assert "fine.pt: not a checkpoint (it calls for posix.mkdir" in refusal(settings)
     assert not made.exists()

@@ -9,7 +9,7 @@ from services.training.settings import TrainingSettings
 def test_weights_go_into_a_file_that_can_be_loaded(tmp_path: Path) -> None:
     (tmp_path / "folder.pt").mkdir()
     for output in ("my", "my.onnx", tmp_path, tmp_path / "folder.pt"):
-        with pytest.raises(ValidationError, match=r"a file whose name ends in \.pt"):
+        with pytest.raises(ValidationError, match=r"not a file of weights; use a name that ends in \.pt"):
             TrainingSettings.model_validate({"output": output})
     assert TrainingSettings.model_validate({"output": "my.pt"}).output == Path("my.pt")
 

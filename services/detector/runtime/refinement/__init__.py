@@ -1,1 +1,1 @@
-"""Masks made finer: a small network looks at each object once more, closely, with the coarse mask before it."""
+"""Refines masks: a small network processes a close-up of each object together with its coarse mask."""

@@ -1,4 +1,4 @@
-"""The refiner's network for other libraries than torch."""
+"""Exports the refiner's network for libraries other than torch."""
 
 import io
 import warnings
@@ -15,7 +15,7 @@ NAMES: Final = ("pixels", "features", "labels", "scores", "odds", "qualities")
 
 
 def onnx_of(network: RefinerNetwork) -> bytes:
-    """Return a network as an ONNX file has it, ready to compute. The network is of no more use for training."""
+    """Return a network as the content of an ONNX file, ready to run. The network can no longer be trained."""
     network.eval().fuse()
     seen = blank_close_ups(2, network.prototypes)
     example = tuple(map(torch.from_numpy, (seen.pixels, seen.features, seen.labels, seen.scores)))

@@ -24,14 +24,14 @@ STEEPNESS: Final = 8.0
 
 
 class Layer(nn.Sequential):
-    """A convolution by 3 x 3, what normalises it, and what leaves out its negative values."""
+    """A 3 x 3 convolution, its normalisation and ReLU."""
 
     def __init__(self, before: int, after: int, stride: int = 1) -> None:
         convolution = nn.Conv2d(before, after, 3, stride=stride, padding=1, bias=False)
         super().__init__(convolution, nn.BatchNorm2d(after), nn.ReLU(inplace=True))
 
     def fuse(self) -> None:
-        """Make one of the convolution and what normalises it, once nothing is to be learned any more."""
+        """Fuse the convolution and its normalisation once training is done."""
         convolution: Any = self[0]
         normalising: Any = self[1]
         if not isinstance(normalising, nn.Identity):
@@ -39,7 +39,7 @@ class Layer(nn.Sequential):
 
 
 class RefinerNetwork(nn.Module):
-    """Refines the masks of a model with so many classes and prototypes.
+    """Refines the masks of a model with this many classes and prototypes.
 
     What the model made of a place, its prototypes and the class, is added where the network has seen least yet.
     """
@@ -83,14 +83,14 @@ class RefinerNetwork(nn.Module):
         return odds, quality
 
     def fuse(self) -> None:
-        """Become a fifth quicker, and of no more use for training."""
+        """Fuse all layers: a fifth quicker, but no longer trainable."""
         for module in list(self.modules()):
             if isinstance(module, Layer):
                 module.fuse()
 
 
 def expected_iou(odds: Tensor) -> Tensor:
-    """Return the IoU to expect of masks with true ones, were their pixels' log odds, n x rows x columns, right."""
+    """Return the expected IoU of masks with the true ones if the log odds, n x rows x columns, are right."""
     likely, mask = odds.sigmoid(), odds > 0
     right = (likely * mask).sum((1, 2))
     return right / (mask + likely * ~mask).sum((1, 2)).clamp_min(1)

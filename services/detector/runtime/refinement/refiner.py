@@ -1,4 +1,4 @@
-"""What refines masks, whichever library it is. Pure."""
+"""The interface of a refiner, independent of its library, and its close-ups. Pure."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -58,7 +58,7 @@ class CloseUps:
 
 
 def blank_close_ups(count: int, prototypes: int) -> CloseUps:
-    """Return close-ups of nothing."""
+    """Return an empty set of close-ups."""
     return CloseUps(
         np.zeros((count, SIDE, SIDE, CHANNELS), np.uint8),
         np.zeros((count, FEATURES_SIDE, FEATURES_SIDE, prototypes), np.float16),
@@ -69,7 +69,7 @@ def blank_close_ups(count: int, prototypes: int) -> CloseUps:
 
 
 def close_ups(image: Bytes, objects: Candidates, prototypes: Floats) -> CloseUps:
-    """Look closely at each object, best first.
+    """Make a close-up of each object, best first.
 
     image: height x width x RGB, the model's input. prototypes: mask coefficients x rows x columns, whose sums are the
     coarse masks' log odds.
@@ -91,7 +91,7 @@ def close_ups(image: Bytes, objects: Candidates, prototypes: Floats) -> CloseUps
 
 
 def own_parts(mask: NDArray[np.bool_], inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Leave out small parts of a mask that lie apart from its object's box: they are of things that look alike.
+    """Remove small parts of a mask outside the object's box: they belong to similar objects.
 
     mask, inside: SIDE x SIDE, the second where the box is.
     """
@@ -103,7 +103,7 @@ def own_parts(mask: NDArray[np.bool_], inside: NDArray[np.bool_]) -> NDArray[np.
 
 
 def stretched(window: Bytes) -> Bytes:
-    """Make a square of SIDE of a window (rows x columns or rows x columns x channels) of an image."""
+    """Scale a window (rows x columns or rows x columns x channels) of an image to a square of SIDE."""
     height, width = min(window.shape[0], SIDE), min(window.shape[1], SIDE)
     if (height, width) != window.shape[:2]:
         window = np.asarray(cv2.resize(window, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
@@ -113,7 +113,7 @@ def stretched(window: Bytes) -> Bytes:
 
 
 def _features(planes: Floats) -> Floats:
-    """Make a square of FEATURES_SIDE; they are smooth, and OpenCV averages no more than four channels."""
+    """Scale smooth features to a square of FEATURES_SIDE; OpenCV averages at most four channels at once."""
     size = (FEATURES_SIDE, FEATURES_SIDE)
     return np.asarray(cv2.resize(planes, size, interpolation=cv2.INTER_LINEAR), np.float32).reshape(*size, -1)
 
@@ -130,7 +130,7 @@ def _cells(corners: Floats, shape: tuple[int, ...]) -> NDArray[np.int64]:
 def _odds(
     objects: Candidates, cells: NDArray[np.int64], prototypes: Floats, step: int
 ) -> Iterator[tuple[Floats, Floats]]:
-    """Yield, within the window of each object, its log odds, and how likely surer objects are there."""
+    """Yield, within each object's window, its log odds and the probability of better objects there."""
     boxes = np.clip(np.rint(objects.corners / step), 0, [*prototypes.shape[:0:-1]] * 2).astype(np.int64)
     taken = np.zeros(prototypes.shape[1:], np.float32)
     for n, (left, top, _, _) in enumerate(cells.tolist()):
@@ -186,7 +186,7 @@ class Refiner(Protocol):
 
 
 def refined(seen: CloseUps, compute: Callable[[list[NDArray[Any]]], tuple[Floats, Floats]]) -> Refined:
-    """Refine a few at a time. compute: what `RefinerNetwork.forward` takes to what it returns."""
+    """Refine a few objects at a time. compute: maps the inputs of `RefinerNetwork.forward` to its outputs."""
     given: tuple[NDArray[Any], ...] = (seen.pixels, seen.features, seen.labels, seen.scores)
     count = len(seen.labels)
     found = Refined(np.empty((count, SIDE, SIDE), np.float32), np.empty(count, np.float32))

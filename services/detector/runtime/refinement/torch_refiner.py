@@ -1,4 +1,4 @@
-"""A trained refiner at work, and how it is kept in a checkpoint beside the model whose masks it refines."""
+"""Runs a trained refiner under torch, and stores it in the checkpoint of the model it refines."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -32,7 +32,7 @@ class TorchRefiner:
 
 
 def network_in(checkpoint: Mapping[str, Any], classes: int, prototypes: int) -> RefinerNetwork | None:
-    """Return the network that is kept in a checkpoint of a model of so many classes and prototypes, if there is one.
+    """Return the network from a checkpoint of a model with this many classes and prototypes, if there is one.
 
     Raises:
         ValueError: what is kept is of another shape.
@@ -49,7 +49,7 @@ def network_in(checkpoint: Mapping[str, Any], classes: int, prototypes: int) -> 
 
 
 def kept(network: torch.nn.Module) -> dict[str, Any]:
-    """Return what to add to a checkpoint so that `network_in` finds the network there, in half precision."""
+    """Return the entry that stores the network in a checkpoint for `network_in`, in half precision."""
     return {
         KEY: {
             name: value.half() if value.is_floating_point() else value for name, value in network.state_dict().items()

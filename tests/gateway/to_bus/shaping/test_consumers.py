@@ -49,7 +49,7 @@ def test_a_key_that_says_nothing_is_left_out(caplog: pytest.LogCaptureFixture) -
     consumers = Consumers("r1", "here", near=True)
     with caplog.at_level(logging.WARNING):
         consumers.note(Presence("fleet/r1/front/color/wanted/here", alive=True))
-    assert "consumer left out: not the key of somebody who subscribes" in caplog.text
+    assert "consumer left out: not a subscriber's key" in caplog.text
 
 
 def test_how_many_are_known_is_bounded() -> None:

@@ -77,7 +77,7 @@ def changed(old: str, new: str) -> str:
         (changed("name: lost", "name: too near"), 19, "two rules are called 'too near'"),
         (changed("Europe/Berlin", "Mars/Olympus"), 1, "no time zone 'Mars/Olympus'"),
         (changed("name: stop", "name: stop now"), 18, "rule 1: action.name: "),
-        (changed("    when: silent", "    name: again\n    when: silent"), 20, "'name' is there twice"),
+        (changed("    when: silent", "    name: again\n    when: silent"), 20, "'name' is given twice"),
         ("", 1, "nothing is in it; to have no rules, write `rules: []`"),
         ("# none yet\n", 1, "nothing is in it; to have no rules, write `rules: []`"),
         ("---\n...\n", 1, "nothing is in it"),

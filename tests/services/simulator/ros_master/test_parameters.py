@@ -114,7 +114,7 @@ FULL = LIMIT - 3 * 64 - len("a")  # less the root, the name and the value itself
 def test_largest_tree_and_one_byte_more() -> None:
     parameters = ParameterTree(LIMIT)
     parameters.set("/a", "x" * FULL)
-    with pytest.raises(StatusError, match=f"more than {LIMIT} bytes"):
+    with pytest.raises(StatusError, match=f"exceed {LIMIT} bytes"):
         parameters.set("/a", "x" * (FULL + 1))
     for key in ("/b", "/a/b", "/c/d/e"):
         with pytest.raises(StatusError):

@@ -47,7 +47,7 @@ async def test_it_asks_and_prints_the_answer(
     assert capsys.readouterr() == ("braking\n" if argument else "done\n", "")
 
 
-@pytest.mark.parametrize(("message", "reason"), [("too\nhot\x1b[2J", r"too hot\x1b[2J"), ("", "it does not say why")])
+@pytest.mark.parametrize(("message", "reason"), [("too\nhot\x1b[2J", r"too hot\x1b[2J"), ("", "it gives no reason")])
 async def test_a_service_that_does_not_succeed(message: str, reason: str, capsys: pytest.CaptureFixture[str]) -> None:
     async def server(_: Request) -> Reply:
         return answered(success=False, message=message)

@@ -74,7 +74,7 @@ async def test_save_writes_each_message_once_in_both_formats(
     said, complained = capsys.readouterr()
     assert said == "".join(f"{folder / stem}.{kind}: 1 points\n" for kind in ("ply", "pcd"))
     damaged, unmeasured = complained.splitlines()
-    assert damaged.startswith("fleetsight clouds: left out: ")
+    assert damaged.startswith("fleetsight clouds: message skipped: ")
     assert unmeasured == "fleetsight clouds: 1 object has no points: no points within its mask"
 
 
@@ -109,9 +109,9 @@ async def test_files_are_written_whole_although_it_is_told_to_stop(
 @pytest.mark.parametrize(
     ("cameras", "reason"),
     [
-        (["r1/front"], "a cloud worker and a detector must be there"),
+        (["r1/front"], "a cloud worker and a detector must be running"),
         (["r1/left", "r1/right", "r2/front"], "r1 has no camera front, but left, right"),
-        (["r2/front"], "no camera of r1 is there"),
+        (["r2/front"], "r1 has no camera online"),
     ],
 )
 async def test_nothing_to_save_is_one_line(
@@ -128,7 +128,7 @@ async def test_nothing_to_save_is_one_line(
 @pytest.mark.parametrize(
     ("unmeasured", "reason"),
     [
-        ({}, "nothing that the detector knows was in view"),
+        ({}, "no object of the detector's classes was in view"),
         (
             {0: "no points arrived", 1: "no mask", 2: "no points arrived"},
             "2 objects have no points: no points arrived, 1 object has no points: no mask",

@@ -16,7 +16,7 @@ async def test_a_process_that_ends_by_itself_is_a_failure_with_its_last_words() 
 
 async def test_output_is_kept_whole() -> None:
     async with child("version", ["--version"], print) as started:
-        with pytest.raises(ChildFailedError, match="exit code 0: it said nothing"):
+        with pytest.raises(ChildFailedError, match="exit code 0: without output"):
             await started.ended()
         assert len(started.output) == 1
         assert started.output[0].startswith("fleetsight ")

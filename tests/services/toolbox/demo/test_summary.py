@@ -42,8 +42,8 @@ def test_it_says_whether_the_machine_was_too_slow() -> None:
     assert result == "result:               every robot was seen"
     *_, machine, result = replace(run, processors=ProcessorUse(count=2, busy=0.97, own=0.38)).lines()
     assert machine == (
-        "machine:              too slow for this, ages and drops come of that (2 processors, 97% busy, "
-        "38% with the demo): close other programs, or ask for less with --robots and --hz"
+        "machine:              too slow for this (2 processors, 97% busy, 38% with the demo), which raises "
+        "ages and drops: close other programs, or ask for less with --robots and --hz"
     )
     assert result == "result:               every robot was seen"
 

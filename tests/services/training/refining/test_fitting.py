@@ -106,7 +106,7 @@ def test_what_is_learned_does_not_depend_on_the_number_of_processors(tmp_path: P
 
 def test_a_damaged_checkpoint_is_named(tmp_path: Path, shifted: Samples) -> None:
     (tmp_path / "refiner.pt").write_bytes(b"nothing")
-    with pytest.raises(TrainingError, match=r"refiner\.pt is no checkpoint of a refiner, remove it: "):
+    with pytest.raises(TrainingError, match=r"refiner\.pt: not a checkpoint of a refiner \(.*\); remove it"):
         fit_refiner(network(), shifted, settings=settings(tmp_path, 1), progress=lambda *_: None)
 
 
