@@ -132,7 +132,10 @@ async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, p
             raise
         except OSError as error:
             if not lost:
-                log.warning("the fleet is not shown until it can be written: %s", error.strerror or error)
+                log.warning(
+                    "the fleet cannot be shown, as the output cannot be written; trying again: %s",
+                    error.strerror or error,
+                )
             lost = True
         await asyncio.sleep(AGAIN_S)
 

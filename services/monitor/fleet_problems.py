@@ -41,9 +41,9 @@ class DuplicateGateways:
 
 MAX_SHOWN: Final = 5
 
-NAMESAKES: Final = "has more than one gateway under its name, whose frames get mixed up: end one, or name it otherwise"
+NAMESAKES: Final = "has more than one gateway under its name, so their frames are mixed up: stop or rename one"
 
-THIN_LINK: Final = "has class lists that come more than 2 s late; a thin link needs --uplink-mbit"
+THIN_LINK: Final = "has class lists that arrive more than 2 s late; on a slow link, set --uplink-mbit"
 """Of all cameras of a robot together: their link is one, and a line that changes is logged again."""
 
 

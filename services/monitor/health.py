@@ -75,7 +75,7 @@ class Health:
 
     def _stalled(self) -> str:
         silent_s = time.monotonic() - self._heard_s
-        return f"the bus has brought nothing for {silent_s:.0f} s" if silent_s > STALLED_S else ""
+        return f"nothing has arrived on the bus for {silent_s:.0f} s" if silent_s > STALLED_S else ""
 
     async def run(self) -> None:
         """Send and listen, for ever."""

@@ -148,7 +148,7 @@ class Monitor:
             self.resolve(alert.id, by)
         self.fleet.inventory.forget(robot)
         self.history.forget(robot)
-        log.info("%s had %s forgotten", by, robot)
+        log.info("%s removed robot %s from the fleet", by, robot)
 
     def trust_clock(self, by: str) -> None:
         """Take that the clock of this machine is right. by: a user's name."""

@@ -109,7 +109,11 @@ class Alerting:
 
     def problems(self) -> list[str]:
         """Say which webhooks of the rules in force take no alerts, and why, and whether the monitor is deaf."""
-        waits = ["alerts of silence wait: the monitor does not hear itself in time"] if self._hearing.deaf else []
+        waits = (
+            ["silence alerts are held back: the monitor's own heartbeat is late; check the load of this machine"]
+            if self._hearing.deaf
+            else []
+        )
         return [*waits, *self._webhooks.problems(self._rules.book.webhooks)]
 
     def posts(self) -> Mapping[tuple[str, Outcome], int]:

@@ -60,7 +60,7 @@ class ToRobots:
 
     def _gave_up(self, robot: str, first: bool) -> None:  # noqa: FBT001 - the lanes'
         if first:
-            log.warning("%s of %s: too many wait, the oldest are given up", self._stream, robot)
+            log.warning("%s of %s: too many are waiting, the oldest are dropped", self._stream, robot)
 
     async def _publisher(self, robot: str) -> Publisher:
         if robot not in self._publishers:

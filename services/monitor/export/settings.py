@@ -55,20 +55,18 @@ class ExportSettings(BaseModel):
     """
 
     task: Annotated[Literal["export", "trust-clock", "compact"], Field(description="what to do")]
-    to: Annotated[Path | None, Field(description="file to write, .csv or .parquet; export needs one")] = None
+    to: Annotated[Path | None, Field(description="file to write, .csv or .parquet; required for export")] = None
     history: Annotated[HistoryUrl, Field(description="database that the monitor keeps")] = Field(
         default_factory=default_url
     )
     what: Annotated[Literal["sightings", "alerts"], Field(description="what to export")] = "sightings"
-    since: Annotated[Moment | None, Field(description="leave out what ended before (2026-11-20T06:00)")] = None
-    until: Annotated[Moment | None, Field(description="leave out what began later")] = None
-    robot: Annotated[str, Field(description="only what this robot saw")] = ""
-    camera: Annotated[str, Field(description="only what cameras of this name saw")] = ""
+    since: Annotated[Moment | None, Field(description="skip what ended before this time (2026-11-20T06:00)")] = None
+    until: Annotated[Moment | None, Field(description="skip what began after this time")] = None
+    robot: Annotated[str, Field(description="only this robot")] = ""
+    camera: Annotated[str, Field(description="only cameras with this name")] = ""
     name: Annotated[str, Field(alias="class", description="only this class")] = ""
 
-    bom: Annotated[bool, Field(description="begin CSV with a byte order mark, without which Excel garbles letters")] = (
-        False
-    )
+    bom: Annotated[bool, Field(description="begin CSV with a byte order mark, which Excel needs to read UTF-8")] = False
 
     @field_validator("to")
     @classmethod
@@ -76,9 +74,9 @@ class ExportSettings(BaseModel):
         if to is None:
             return to
         if to.suffix not in (".csv", ".parquet"):
-            raise ValueError("its name is to end in .csv or .parquet")
+            raise ValueError("the file name must end in .csv or .parquet")
         if to.suffix == ".parquet" and find_spec("polars") is None:
-            raise ValueError("Parquet takes polars, of fleetsight's extra [parquet], which is not installed")
+            raise ValueError("Parquet needs polars, which is not installed: install fleetsight[parquet]")
         return to
 
     @model_validator(mode="after")
@@ -86,7 +84,7 @@ class ExportSettings(BaseModel):
         if self.task == "export" and self.to is None:
             raise ValueError("export needs --to, the file to write")
         if self.task != "export" and (given := self.model_fields_set - {"task", "history"}):
-            raise ValueError(f"{self.task} takes --history alone, and was given --{min(given)}")
+            raise ValueError(f"{self.task} takes only --history, not --{min(given)}")
         return self
 
     @field_validator("robot", "camera")

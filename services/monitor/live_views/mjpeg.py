@@ -88,7 +88,7 @@ class MjpegStreams:
     @contextmanager
     def _counted(self, name: str) -> Iterator[None]:
         if self._looks[name] >= MOST_OF_VISITOR:
-            raise CrowdedError(f"you look at {MOST_OF_VISITOR} pictures already; close another view first")
+            raise CrowdedError(f"you already have {MOST_OF_VISITOR} pictures open; close another view first")
         self._looks[name] += 1
         try:
             yield
@@ -124,7 +124,7 @@ def path_of(key: StreamKey) -> str:
 
 def _overlay(robot: str, camera: str, stream: str) -> StreamKey:
     if stream not in OVERLAYS:
-        raise SchemaError(f"{stream[:64]!r} is not a picture; there are {', '.join(OVERLAYS)}")
+        raise SchemaError(f"{stream[:64]!r} is not a picture; use one of {', '.join(OVERLAYS)}")
     return StreamKey(CameraKey(robot, camera), Stream(stream))
 
 

@@ -68,7 +68,7 @@ class Shared(Generic[K, S]):
 
     def _begin(self, key: K) -> _Holding[S]:
         if len(self._holdings) >= self._most:
-            raise CrowdedError(f"{self._most} are looked at already; close another view first")
+            raise CrowdedError(f"{self._most} are already open; close another view first")
         state = self._make(key)
         holding = _Holding(state, asyncio.create_task(self._follow(key, state)))
         self._holdings[key] = holding

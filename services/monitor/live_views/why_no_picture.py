@@ -9,13 +9,13 @@ from schemas.status import WorkerStatus
 from services.monitor.fleet import Fleet
 from services.monitor.formats import natural
 
-WAITING: Final = "Nothing has come yet"
-PATIENCE: Final = "It was asked for and takes some seconds where a model has to warm up."
+WAITING: Final = "Nothing has arrived yet"
+PATIENCE: Final = "It has been requested; a model takes some seconds to warm up."
 FIRST_FRAME_TIMEOUT_S: Final = 20.0
 """After how long a model is warm, and something else keeps the stream from coming."""
 
-LATE: Final = "Nothing newer comes"
-OVERLOADED: Final = "Its worker or the link to it may have too much to do: health says what was dropped where."
+LATE: Final = "Nothing newer arrives"
+OVERLOADED: Final = "Its worker or the link to it may be overloaded: Health shows what was dropped where."
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,23 +77,23 @@ def why_nothing(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
     if facts.deaf:
         return Reason(
             "This monitor has no link to the fleet",
-            f"{facts.deaf}. How {key.robot} is cannot be known here until it is back: see the network and the router "
+            f"{facts.deaf}. The state of {key.robot} is unknown until it is back: check the network and the router "
             "between them.",
         )
     if not facts.known:
         return Reason(
-            f"No camera {key} has been heard of",
-            "Look at the overview for its name, or start its gateway: fleetsight gateway --robot " + key.robot,
+            f"No camera {key} is known",
+            "Check its name in the overview, or start its gateway: fleetsight gateway --robot " + key.robot,
         )
     if not facts.robot_online:
         return Reason(
             f"{key.robot} is offline",
-            "Its gateway is gone: see whether the robot is switched on and has network, and whether its gateway runs.",
+            "Its gateway is gone: check that the robot is switched on, has network and runs its gateway.",
         )
     if not facts.camera_online:
         return Reason(
             f"{key.camera} is not published on {key.robot}",
-            f"Its driver may be down. On the robot, fleetsight doctor --robot {key.robot} says what is in the way.",
+            f"Its driver may be down. On the robot, fleetsight doctor --robot {key.robot} shows why.",
         )
     return _of_workers(key, stream, service, facts)
 
@@ -105,7 +105,7 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
         names = ", ".join(sorted((worker.worker for worker in facts.workers), key=natural)[:3])
         return Reason(
             f"No {service} serves {key}",
-            f"There is {names}, but none for this robot: start one without --robots, or with --robots {key.robot}",
+            f"{names} runs, but not for this robot: start one without --robots, or with --robots {key.robot}",
         )
     remarks = [remark for worker in facts.serving for remark in worker.remarks if str(stream) in remark]
     if remarks:
@@ -118,6 +118,6 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
 def _lasting(key: CameraKey, service: str, facts: Facts) -> str:
     names = ", ".join(sorted((worker.worker for worker in facts.serving), key=natural)[:3])
     return (
-        f"It was asked for {facts.waited_s:.0f} s ago. Look at Health: is there a {service} that serves {key} and does "
-        f"not drop its images? {names} says that it does: see its log."
+        f"It was requested {facts.waited_s:.0f} s ago. Check in Health that a {service} serves {key} without "
+        f"dropping its images, and read the log of {names}."
     )

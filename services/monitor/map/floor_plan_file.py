@@ -36,7 +36,7 @@ def load_floor_plan(path: Path) -> FloorPlan:
     try:
         return FloorPlan.of(*_shades(image, with_alpha=said.mode == "trinary"), said)
     except (UnidentifiedImageError, ImportError) as error:  # where Ultralytics is, Pillow looks for a HEIF decoder
-        raise FloorPlanError(image, "no image of a map; one is PGM or PNG") from error
+        raise FloorPlanError(image, "not a map image; use PGM or PNG") from error
     except Exception as error:  # Pillow's readers raise whatever a damaged file leads them to
         raise FloorPlanError(image, _reason(error)) from error
 

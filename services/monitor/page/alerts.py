@@ -119,11 +119,11 @@ class _Alerts:
                 severity: Tile(severity.capitalize(), on_click=partial(self._only, severity))
                 for severity in reversed(Severity)
             }
-            self._unseen = Tile("Nobody looks after")
+            self._unseen = Tile("Not acknowledged")
         self._open_panel()
         self._ended_panel()
         self._sure = Confirmation(
-            "Resolve", "Keep it open", "That cannot be taken back. It is raised again only after it was over."
+            "Resolve", "Keep it open", "This cannot be undone. It is raised again only after its condition has cleared."
         )
         for part in (self._elsewhere, self._unknown, self._calm, self._none):
             part.set_visibility(False)
@@ -145,14 +145,12 @@ class _Alerts:
             with self._unknown:
                 nothing_yet(
                     "help",
-                    "Nobody knows which alerts are open",
-                    "Another monitor raises them, and what it writes cannot be read:",
+                    "Open alerts are unknown",
+                    "Another monitor raises them, and its history cannot be read:",
                 )
                 self._why_unknown = ui.label().classes("fs-empty")
             self._calm = nothing_yet("check_circle", "No open alerts", *_what_raises(self._monitor))
-            self._none = nothing_yet(
-                "search_off", "No alert is like that", "Clear the search, or choose another severity."
-            )
+            self._none = nothing_yet("search_off", "No alert matches", "Clear the search, or choose another severity.")
 
     def _ended_panel(self) -> None:
         with ui.element("div").classes("fs-panel"):
@@ -247,7 +245,7 @@ class _Alerts:
                 return
             do(alert_id, by=self._visitor.name)
         except UnknownAlertError:
-            ui.notify("That alert is not open any more.", type="info")
+            ui.notify("This alert is no longer open.", type="info")
         await self.refresh()
 
     async def _means_it(self, alert_id: str) -> bool:
@@ -262,6 +260,6 @@ def _what_raises(monitor: Monitor) -> Sequence[str]:
     if rules:
         return (f"{plural(rules, 'rule')} in force.",)
     return (
-        "No rules are in force, so nothing raises any.",
+        "No rules are in force, so no alerts are raised.",
         "Write some and start the monitor with --rules rules.yaml.",
     )

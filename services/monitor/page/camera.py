@@ -164,11 +164,11 @@ class _Live:
             join=endpoint_to_join(self._monitor.settings),
         )
         served = ", ".join(f"{worker.worker} ({worker.model})" for worker in facts.serving)
-        self._served.set_text(f"Found by {served}" if served else "No detector looks at it")
+        self._served.set_text(f"Found by {served}" if served else "No detector serves this camera")
         if fresh:
             self._stage.explain(None)
         elif newest is not None and newest.problem:
-            self._stage.explain(Reason("What arrives is no picture", newest.problem))
+            self._stage.explain(Reason("The message received is not a picture", newest.problem))
         else:
             reason = why_nothing(self._key, self._stream.stream, SERVICE, facts)
             self._stage.explain(reason, f"The picture is {age_text(age)} old" if age else "")
@@ -198,7 +198,7 @@ class _Live:
         since_ns = now_ns - inventory.limits.stale_ns
         seen = sorted(view.sightings(since_ns), key=lambda each: each.name) if view else []
         available = view is not None and inventory.speaks(view, now_ns)
-        self._when.set_text(f"In view{'' if available or not seen else ' when it was heard last'}, settled")
+        self._when.set_text(f"In view{'' if available or not seen else ' when last heard'}, settled")
         self._classes.set_content(rows([each for each in seen if each.count], now_ns, available=available))
         counted = otherwise(view.disagreements(since_ns)) if view is not None and available else ""
         self._otherwise.set_text(counted)
@@ -208,7 +208,7 @@ class _Live:
 def counted_in(frame: ClassList | None) -> str:
     """Return as HTML what a model counted in one frame; None where that is not known."""
     if frame is None:
-        return '<span class="fs-muted">Not known</span>'
+        return '<span class="fs-muted">Unknown</span>'
     chips = "".join(
         f'<span class="fs-chip" title="the surest: {each.score:.0%}"><b>{each.count}</b>{escape(each.name)}</span>'
         for each in frame.classes
@@ -225,11 +225,11 @@ def otherwise(disagreements: Mapping[str, tuple[int, int]]) -> str:
 def rows(sightings: Sequence[Sighting], now_ns: int, *, available: bool) -> str:
     """Return what is in view as HTML: one element, however often it changes."""
     if not sightings:
-        return f'<div class="fs-line fs-muted">{"Nothing" if available else "Not known"}</div>'
+        return f'<div class="fs-line fs-muted">{"Nothing" if available else "Unknown"}</div>'
     return "".join(
         f'<div class="fs-row {"" if available else "fs-stale"}"><div class="fs-many">{each.count}</div>'
         f"<div>{escape(each.name)}</div>"
         f'<div class="fs-far">{"" if each.nearest_m is None else f"{each.nearest_m:.2f} m"}</div>'
-        f'<div class="fs-more">{each.score:.0%} sure, came {ago(each.first_ns, now_ns)}</div></div>'
+        f'<div class="fs-more">{each.score:.0%} sure, appeared {ago(each.first_ns, now_ns)}</div></div>'
         for each in sightings
     )

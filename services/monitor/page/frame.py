@@ -131,7 +131,7 @@ class _Banners:
                 for problem in problems:
                     banner(problem)
         if self._deaf is not None:
-            self._deaf.set_text(f"The fleet cannot be heard, what is shown is what was heard last: {deaf}")
+            self._deaf.set_text(f"The fleet cannot be heard, the last known state is shown: {deaf}")
 
 
 def banner(text: str, *, bad: bool = False) -> ui.label:

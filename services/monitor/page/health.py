@@ -57,8 +57,8 @@ def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
         kept = "not kept: started with --history none"
     else:
         kept = f"not kept: {history.problem}" if history.problem else "kept"
-        kept += f", {history.pending:,} rows wait to be written" if history.pending else ""
-        kept += f", {history.lost:,} given up" if history.lost else ""
+        kept += f", {history.pending:,} rows waiting to be written" if history.pending else ""
+        kept += f", {history.lost:,} dropped" if history.lost else ""
     yield "History", kept
     yield (
         "Alerts",
@@ -123,8 +123,8 @@ class _Health:
             )
             self._no_worker = nothing_yet(
                 "memory",
-                "No worker has said anything yet",
-                "Without a detector nobody says what cameras see. Start one where there is a CPU or GPU to spare:",
+                "No worker has reported yet",
+                "Cameras need a detector. Start one on a machine with a CPU or GPU to spare:",
                 command=f"fleetsight detector --connect {endpoint_to_join(monitor.settings)}",
             )
         with _panel("Gateways"):
@@ -139,9 +139,9 @@ class _Health:
                 card=GATEWAY_CARD,
             )
             self._no_gateway = nothing_yet(
-                "smart_toy", "No gateway is here", "Robots come with theirs; see the fleet for how to start one."
+                "smart_toy", "No gateway has joined", "Each robot runs its own; the Fleet page shows how to start one."
             )
-            self._none = nothing_yet("search_off", "No gateway is like that", "Clear the search.")
+            self._none = nothing_yet("search_off", "No gateway matches", "Clear the search.")
         with _panel("This monitor"):
             self._itself = MonitorHealth(monitor)
         ui.timer(REFRESH_S, self.refresh, immediate=False)
@@ -158,7 +158,7 @@ class _Health:
         if alone:
             named = ", ".join(map(str, alone[:MAX_NAMED]))
             rest = f" and {len(alone) - MAX_NAMED:,} more" if len(alone) > MAX_NAMED else ""
-            self._unserved_text.set_text(f"No detector looks after {named}{rest}. Start one to know what they see.")
+            self._unserved_text.set_text(f"No detector serves {named}{rest}. Start one to see what is in view.")
 
     async def _load_workers(self, window: RowWindow) -> Loaded:
         await self._shared.survey()  # takes the rates

@@ -90,7 +90,7 @@ class _Map:
                     ROBOT_ICON,
                     "No position is known yet",
                     "Robots appear once their gateways send transforms from map to base_link, or they see two objects.",
-                    "Objects appear once somebody measures how far away they are:",
+                    "Objects appear once a distance service measures where they are:",
                     command=f"fleetsight distance --connect {endpoint_to_join(monitor.settings)}",
                 )
             with ui.element("section").classes("fs-panel"):

@@ -150,8 +150,8 @@ class _Solids:
         )
         reason = why_nothing(self._key, Stream.OBJECTS, SERVICE, facts)
         self._stage.explain(
-            Reason("What arrives is no cloud", newest.problem) if newest.problem else reason,
-            f"What is shown is {age_text(age)} old" if age else "",
+            Reason("The message received is not a point cloud", newest.problem) if newest.problem else reason,
+            f"The clouds are {age_text(age)} old" if age else "",
         )
 
     def _choose(self, index: int | None) -> None:
@@ -234,4 +234,4 @@ class _Row:
 
 def _nothing_in_view(seen: ObjectClouds | None) -> Reason:
     why = next(iter(seen.unmeasured.values()), "") if seen else ""
-    return Reason("No object has a cloud now", why or "Nothing that the model knows is in view.")
+    return Reason("No object has a cloud now", why or "No object of a class that the model knows is in view.")

@@ -95,7 +95,7 @@ class _Overview:
             self._table.table.on("forget", self._forget)
             self._nobody = nobody_yet(monitor)
             self._none = nothing_yet(
-                "search_off", "No robot is like that", "Clear the search, or choose another state above."
+                "search_off", "No robot matches", "Clear the search, or choose another state above."
             )
         self._sure = Confirmation(
             "Forget",

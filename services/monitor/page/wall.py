@@ -117,7 +117,7 @@ class _Wall:
             for each in shown
         ]
         if unknown:
-            why = f"Nobody knows which alerts are open: {unknown}"
+            why = f"Open alerts are unknown: {unknown}"
             lines.insert(0, f'<div class="fs-calm fs-warn">{escape(why)}</div>')
         elif not needs:
             lines.append('<div class="fs-calm">No critical alert is open and no robot is offline or silent.</div>')

@@ -226,7 +226,7 @@ class RuleEngine:
 
     def _known(self, alert_id: str) -> Alert:
         if alert_id not in self._alerts:
-            raise UnknownAlertError(f"no alert {alert_id[:64]!r} that is not resolved")
+            raise UnknownAlertError(f"no open alert {alert_id[:64]!r}")
         return self._alerts[alert_id][0]
 
     def _rules_of(self, robot: str, camera: str) -> list[AnyRule]:

@@ -40,7 +40,7 @@ def load_rules(text: str) -> RuleBook:
     except YamlError as error:
         raise RuleFileError(error.line, error.reason) from error
     if content is None:
-        raise RuleFileError(1, f"nothing is in it; {NO_RULES}")
+        raise RuleFileError(1, f"the file is empty; {NO_RULES}")
     try:
         book = RuleBook.model_validate(content)
     except ValidationError as error:
@@ -78,7 +78,7 @@ def _reason(place: list[Any], mistake: Any) -> str:
         case "missing":
             return f"{name} is missing"
         case "extra_forbidden":
-            return f"{place[-1]!r} is not known here"
+            return f"{place[-1]!r} is not a known key here"
     reason = WORDS.get(mistake["type"], mistake["msg"].removeprefix("Value error, "))
     return f"{name}: {reason}" if name else reason
 

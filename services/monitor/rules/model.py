@@ -74,9 +74,9 @@ class Rule(_Part):
     @classmethod
     def _is_a_part_of_the_day(cls, value: tuple[time, time] | None) -> tuple[time, time] | None:
         if value is not None and any(each.tzinfo for each in value):
-            raise ValueError("times are without a time zone; `timezone` of the whole file says which")
+            raise ValueError("write times without a time zone; `timezone` at the top of the file sets it")
         if value is not None and value[0] == value[1]:
-            raise ValueError("begins when it ends, which is never; leave it out for the whole day")
+            raise ValueError("starts and ends at the same time; leave it out for the whole day")
         return value
 
     def applies_to(self, robot: str, camera: str) -> bool:
@@ -191,7 +191,7 @@ class RuleBook(_Part):
             for field, names_given in (("webhooks", rule.webhooks), ("escalate_webhooks", rule.escalate_webhooks)):
                 unknown = next((each for each in names_given if each not in self.webhooks), None)
                 if unknown is not None:
-                    reason = f"rule {rule.name!r} names a webhook {unknown!r} that is not there"
+                    reason = f"rule {rule.name!r} names an unknown webhook {unknown!r}; add it to `webhooks`"
                     raise _mistake(place, field, reason)
         return self
 

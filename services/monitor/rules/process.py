@@ -65,7 +65,7 @@ def _untold(book: RuleBook, past: Timeline, since_ns: int) -> Iterator[str]:
     tried = any(isinstance(rule, SilentRule | DisagreeRule) for rule in book.rules)
     if tried and max(since_ns, past.first_ns) < past.told_ns:
         when = "not tried:" if past.told_ns == FOREVER_NS else f"tried from {_moment(past.told_ns)} on: before,"
-        yield f"silent, disagree: {when} who was there and what models disagreed about was not kept"
+        yield f"silent, disagree: {when} the history has no presence or disagreements"
 
 
 def _moment(at_ns: int) -> str:

@@ -19,7 +19,7 @@ from services.monitor.rules.model import NearerRule, RuleBook
 from services.monitor.rules.subjects import Effect
 from services.monitor.rules.timeline import Run, Step, Timeline
 
-AT_MOST: Final = "is tried with the nearest distance of each interval, so it may have been raised less often"
+AT_MOST: Final = "is tried with the nearest distance of each interval, so the monitor may have raised it less often"
 
 
 @dataclass(slots=True)

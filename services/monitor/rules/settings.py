@@ -20,4 +20,4 @@ class RulesSettings(BaseModel):
     history: Annotated[HistoryUrl, Field(description="database that the monitor keeps")] = Field(
         default_factory=default_url
     )
-    since: Annotated[Moment | None, Field(description="leave out what ended before (2026-11-20T06:00)")] = None
+    since: Annotated[Moment | None, Field(description="skip what ended before this time (2026-11-20T06:00)")] = None

@@ -33,8 +33,8 @@ def remarks(
         if not known and not seen(name):
             yield f"rule {rule.name!r}: no detector reports {name!r}"
         for placeholder in _not_filled_in(rule):
-            filled_in = "{}, {} and {} are filled in".format(*PLACEHOLDERS)
-            yield f"rule {rule.name!r}: {placeholder!r} stays in its payload as it is: {filled_in}"
+            filled_in = "only {}, {} and {} are filled in".format(*PLACEHOLDERS)
+            yield f"rule {rule.name!r}: {placeholder!r} in its payload is unknown and sent as it is: {filled_in}"
         for pattern in rule.robots if robots else ():
             if not _fits_any(pattern, robots):
                 yield f"rule {rule.name!r}: no robot is called {pattern!r}"

@@ -40,7 +40,7 @@ def open_listener(settings: WebSettings) -> socket.socket:
         of_names = error.strerror if isinstance(error, socket.gaierror) else str(error)
         reason = os.strerror(number) if number is not None and number > 0 else of_names
         wrong = "--web-port" if number in _OF_PORTS else "--web-host"
-        raise WebError(f"{where}: {reason}; another {wrong}, or --no-web, lets it start") from error
+        raise WebError(f"{where}: {reason}; set another {wrong}, or --no-web") from error
     listener.setblocking(False)  # noqa: FBT003 - the standard library's
     return listener
 
@@ -72,9 +72,7 @@ class Web:
         listener = open_listener(settings)
         url = url_of(listener, settings)
         if not (url.startswith("https:") or ipaddress.ip_address(listener.getsockname()[0]).is_loopback):
-            log.warning(
-                "passwords cross the network unencrypted: have a proxy with TLS before it, and name it: --web-url"
-            )
+            log.warning("passwords cross the network unencrypted: put a TLS proxy in front and set --web-url")
         return cls(url, listener, Access(UserStore(users_url(settings.history)), settings.web_session_hours, url))
 
     async def run(self, monitor: Monitor) -> None:

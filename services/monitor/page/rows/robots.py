@@ -134,7 +134,7 @@ def _unseen(cameras: Sequence[CameraLine]) -> str:
     """Say why nothing is known of cameras that are there."""
     served_by = {name for camera in cameras for name in camera.served_by if name.startswith(DETECTOR)}
     workers = sorted(served_by, key=natural)
-    return f"no class lists from {', '.join(workers)}" if workers else "no detector looks after its cameras"
+    return f"no class lists from {', '.join(workers)}" if workers else "no detector serves its cameras"
 
 
 WORST_FIRST: Final = {state: place for place, state in enumerate(RobotState)}

@@ -29,7 +29,7 @@ IN_VIEW: Final = """
 <span v-else v-for="seen in camera.classes" class="fs-chip"><b>{{ seen[0] }}</b>{{ seen[1] }}</span>
 """
 
-NO_CAMERA: Final = "no camera is offered; on the robot, fleetsight doctor says why"
+NO_CAMERA: Final = "no camera is published; run fleetsight doctor on the robot to see why"
 
 CAMERA: Final = """
 <a class="fs-link" :href="'/cameras/' + encodeURIComponent(props.row.robot) + '/' + encodeURIComponent(camera.name)"

@@ -79,7 +79,7 @@ def in_view(robot: RobotRow) -> str:
     """Say what all cameras of a robot that are live have in view, the most first, and if several are added up."""
     live = [each.row.classes for each in robot.cameras if not each.row.stale and each.row.classes is not None]
     if not live:
-        return "what is in view is not known"
+        return "objects in view are unknown"
     counts = Counter[str]()
     for classes in live:
         counts.update({seen.name: seen.count for seen in classes})

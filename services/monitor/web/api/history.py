@@ -31,8 +31,8 @@ KINDS: Final = {"csv": "text/csv", "parquet": "application/vnd.apache.parquet"}
 FILES: Final[dict[int | str, dict[str, Any]]] = {200: {"content": {kind: {} for kind in KINDS.values()}}}
 
 Moment = Annotated[AwareDatetime, written_like("2026-11-20T06:00Z")]
-Since = Annotated[Moment | None, Query(description="what ended before is left out; a day ago unless given")]
-Until = Annotated[Moment | None, Query(description="what began later is left out")]
+Since = Annotated[Moment | None, Query(description="skip what ended before this time; a day ago by default")]
+Until = Annotated[Moment | None, Query(description="skip what began after this time")]
 
 
 def asked(
@@ -74,7 +74,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
     @router.get("/alerts")
     async def alerts(
         wanted: FromQuery,
-        state: Annotated[AlertState | None, Query(description="in this state alone")] = None,
+        state: Annotated[AlertState | None, Query(description="only alerts in this state")] = None,
         limit: Limit = DEFAULT_LIMIT,
         after: After = None,
     ) -> Page[AlertAnswer]:
@@ -100,7 +100,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
     ) -> FileResponse:
         """What the other two answer, whole and as a file, the oldest first; one at a time is made."""
         if exporting.locked():
-            raise HTTPException(503, "another export is being made", {"Retry-After": "10"})
+            raise HTTPException(503, "another export is running; try again later", {"Retry-After": "10"})
         async with exporting:
             folder = await asyncio.to_thread(TemporaryDirectory, prefix="fleetsight-")
             file = Path(folder.name) / f"{what}.{kind}"

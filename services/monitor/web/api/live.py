@@ -14,9 +14,9 @@ from services.monitor.web.api.feed import TOPICS, Feed, Item, Name, Topic
 MAX_CLIENTS: Final = 100
 TRY_AGAIN_LATER: Final = 1013
 
-Topics = Annotated[Sequence[Topic], Query(max_length=len(TOPICS), description="what of; all unless given")]
-Period = Annotated[float, Query(ge=MAX_AGE_S, le=60, description="seconds between two messages, at least")]
-Robot = Annotated[str, Query(max_length=64, description="only what is about this robot")]
+Topics = Annotated[Sequence[Topic], Query(max_length=len(TOPICS), description="topics to send; all by default")]
+Period = Annotated[float, Query(ge=MAX_AGE_S, le=60, description="minimum seconds between two messages")]
+Robot = Annotated[str, Query(max_length=64, description="only this robot")]
 
 
 class Client:

@@ -22,10 +22,10 @@ MAX_ITEMS: Final = 1_000
 MAX_MARK: Final = 1_000
 MAX_INTEGER: Final = 2**63
 
-Limit = Annotated[int, Query(ge=1, le=MAX_ITEMS, description="how many, at most")]
-After = Annotated[str | None, Query(max_length=MAX_MARK, description="`next` of the page before")]
-Name = Annotated[str, Query(max_length=64, description="one of them alone")]
-ClassName = Annotated[str, Query(alias="class", max_length=MAX_LABEL, description="this class alone")]
+Limit = Annotated[int, Query(ge=1, le=MAX_ITEMS, description="maximum number of items")]
+After = Annotated[str | None, Query(max_length=MAX_MARK, description="`next` of the previous page")]
+Name = Annotated[str, Query(max_length=64, description="only this name")]
+ClassName = Annotated[str, Query(alias="class", max_length=MAX_LABEL, description="only this class")]
 
 
 def mark_of(place: Sequence[str | int]) -> str:
@@ -45,7 +45,7 @@ def place_of(mark: str, kinds: Sequence[type[str | int]]) -> tuple[Any, ...]:
         found = None
     fits = isinstance(found, list) and [type(each) for each in found] == list(kinds)
     if not fits or any(isinstance(each, int) and abs(each) >= MAX_INTEGER for each in found):
-        raise HTTPException(422, "after: give what `next` of the page before said")
+        raise HTTPException(422, "invalid `after`; use the `next` of the previous page")
     return tuple(found)
 
 
@@ -83,8 +83,8 @@ async def refuse_unknown(connection: HTTPConnection) -> None:
     for name in given:
         reason = ""
         if name not in known:
-            there = f"there are {', '.join(sorted(known))}" if known else "there are none here"
-            reason = f"{name[:MAX_SHOWN]!r} is not a parameter: {there}"
+            there = f"known are {', '.join(sorted(known))}" if known else "none is known here"
+            reason = f"unknown parameter {name[:MAX_SHOWN]!r}: {there}"
         elif len(given.getlist(name)) > 1 and not known[name]:
             reason = f"{name!r} is given more than once"
         if reason:

@@ -106,7 +106,7 @@ class Access:
             await self._store.keep(made.values(), prolonged.values(), ended, self._now_ns())
         except HistoryError as error:
             await self._read()
-            return self._wrong("log-ins are not being kept", error)
+            return self._wrong("log-ins are not being saved", error)
         self._made = {digest: login for digest, login in self._made.items() if digest not in made}
         self._prolonged = {digest: login for digest, login in self._prolonged.items() if prolonged.get(digest) != login}
         self._ended -= ended
@@ -146,7 +146,7 @@ class Access:
             raise AccessError(str(error), LOOK_S) from error
         if user is None or not is_right:
             log.warning("log-in of %s from %s failed", name[:64], address)
-            raise AccessError("this name and password do not go together")
+            raise AccessError("wrong name or password")
         self._limit.succeeded(address, name)
         log.info("%s logged in from %s", name, address)
         return self._open(user)
@@ -160,7 +160,7 @@ class Access:
         self._hold_back(address, "")
         if not hmac.compare_digest(secret.encode("utf-8", "replace"), self._setup_secret.encode()):
             self._limit.failed(address, "", time.monotonic())
-            raise AccessError("this is not the link that the monitor shows; look at its terminal or log")
+            raise AccessError("invalid set-up link; use the one in the monitor's terminal or log")
         if wrong := mistake_in_name(name) or mistake_in(password):
             raise AccessError(wrong)
         try:
@@ -168,7 +168,7 @@ class Access:
             if not await self._store.add(user, first=True):
                 raise AccessError("the first user has been made already: log in, or have an operator make you one")
         except (HistoryError, BusyError) as error:
-            raise AccessError(f"the user cannot be kept: {error}", LOOK_S) from error
+            raise AccessError(f"the user cannot be saved: {error}", LOOK_S) from error
         self._setup_secret = secrets.token_urlsafe(16)
         await self.look()
         log.info("%s is the first user, set up from %s", name, address)
@@ -228,7 +228,7 @@ class Access:
     def _hold_back(self, address: str, name: str) -> None:
         wait_s = self._limit.wait_s(address, name, time.monotonic())
         if wait_s:
-            raise AccessError("too many tries that were not right; wait some minutes", wait_s)
+            raise AccessError("too many failed attempts; wait some minutes", wait_s)
 
     def _wrong(self, what: str, error: HistoryError) -> str:
         if not self.problem.startswith(what):

@@ -120,7 +120,7 @@ class AccessMiddleware:
     def _refusal(self, asking: RequestInfo, verdict: Verdict) -> Response:
         match verdict:
             case Verdict.MISDIRECTED:
-                return problem(421, "the monitor is not called so; --web-url says what else it is called")
+                return problem(421, "unknown host name; set --web-url")
             case Verdict.FOREIGN:
                 return problem(403, "this request does not come from a page of this monitor")
             case Verdict.NOT_ALLOWED:

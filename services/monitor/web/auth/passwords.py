@@ -49,7 +49,7 @@ class Passwords:
 
     async def _in_turn(self, password: str, hashed: str | None) -> str:
         if self._waiting >= MAX_WAITING:
-            raise BusyError("too many people log in at the same time")
+            raise BusyError("too many people are logging in; try again later")
         self._waiting += 1
         try:
             async with self._turn:

@@ -19,7 +19,7 @@ def test_a_port_that_is_taken_is_said() -> None:
 
 def test_a_host_that_is_none_is_said() -> None:
     for host in ("no such host", "203.0.113.7", "x" * 300):
-        with pytest.raises(WebError, match=r"^--web-host .*; another --web-host, or --no-web, lets it start$"):
+        with pytest.raises(WebError, match=r"^--web-host .*; set another --web-host, or --no-web$"):
             open_listener(MonitorSettings(web_host=host, web_port=0))
 
 
