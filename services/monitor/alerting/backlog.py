@@ -1,4 +1,4 @@
-"""What waits for one webhook. Pure."""
+"""The queue of alert changes waiting for one webhook. Pure."""
 
 from collections.abc import Iterable, Iterator
 from itertools import islice
@@ -13,7 +13,7 @@ Key = tuple[str, int]
 
 
 class Backlog:
-    """Every change of alerts, in order; once folded, of each alert the newest change alone, until it is empty."""
+    """Alert changes in order; once folded, only the newest change of each alert, until it is empty."""
 
     def __init__(self) -> None:
         self._waiting: dict[Key, Alert] = {}
@@ -24,7 +24,7 @@ class Backlog:
         return len(self._waiting)
 
     def put(self, alert: Alert) -> int:
-        """Have a change wait; return how many changes were given up, those of alerts that are over first."""
+        """Queue a change; return how many changes were dropped for it, those of resolved alerts first."""
         key = (alert.id, alert.changed_ns)
         if self.is_folded and alert.id in self._newest:
             self._waiting.pop(self._newest[alert.id], None)
@@ -39,20 +39,20 @@ class Backlog:
         return dropped
 
     def fold(self) -> None:
-        """Have only the newest change of each alert wait, also of those that come."""
+        """Keep only the newest change of each alert, also of later ones."""
         self._leave_newest()
         self.is_folded = True
 
     def newest(self) -> Iterator[Alert]:
-        """Yield each alert that waits as it stands."""
+        """Yield each waiting alert in its current state."""
         return (self._waiting[key] for key in self._newest.values())
 
     def first(self, count: int) -> list[Alert]:
-        """Return those that wait longest."""
+        """Return the changes that have waited longest."""
         return list(islice(self._waiting.values(), count))
 
     def done(self, alerts: Iterable[Alert]) -> None:
-        """Forget changes that were posted."""
+        """Remove changes that were posted."""
         for alert in alerts:
             key = (alert.id, alert.changed_ns)
             self._waiting.pop(key, None)
@@ -61,7 +61,7 @@ class Backlog:
         self.is_folded = self.is_folded and bool(self._waiting)
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Remove all changes."""
         self._waiting.clear()
         self._newest.clear()
         self.is_folded = False
