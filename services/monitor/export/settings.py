@@ -25,11 +25,11 @@ from services.monitor.history.settings import NONE, HistoryUrl, default_url
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 FIRST_YEAR: Final = 1970
 LAST_YEAR: Final = 2261
-"""Of the moments that are, in any time zone, nanoseconds since the epoch in 64 bits."""
+"""The last full year that 64-bit nanoseconds since the epoch can hold in any time zone."""
 
 
 def written_like(example: str) -> WrapValidator:
-    """Return what refuses a moment by showing how one is written, and one that histories cannot hold."""
+    """Return a validator that refuses invalid times with an example, and times the history cannot hold."""
 
     def read(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:
@@ -47,7 +47,7 @@ Moment = Annotated[AwareDatetime | NaiveDatetime, written_like("2026-11-20T06:00
 
 
 class ExportSettings(BaseModel):
-    """Write what a monitor kept into a file: sightings, one row as long as a count stayed the same, or alerts.
+    """Write sightings (one row per interval of constant count) or alerts from a monitor's history to a file.
 
     A name that ends in .parquet makes Parquet, which takes fleetsight's extra [parquet]. `trust-clock` says that the
     clock of the monitor's machine is right, where a monitor doubts it; `compact` makes an SQLite file as small as what
@@ -112,7 +112,7 @@ class ExportSettings(BaseModel):
 
 
 def moment(ns: int) -> datetime:
-    """Return a time in UTC, to the microsecond; the last that there is for one that no calendar has."""
+    """Return a UTC time with microseconds; out-of-range times become the last valid one."""
     try:
         return EPOCH + timedelta(microseconds=ns // 1_000)
     except OverflowError:
