@@ -1,4 +1,4 @@
-"""The history as it is read while it is written: pages of what was seen and of alerts, newest first."""
+"""Reads the history while it is written: pages of sightings and of alerts, newest first."""
 
 import asyncio
 from collections.abc import AsyncIterator, Iterator, Sequence
@@ -35,7 +35,7 @@ BETWEEN: Final = "\x1f"
 async def contains(
     connection: AsyncConnection, columns: Sequence[ColumnElement[str]], wanted: str
 ) -> ColumnElement[bool]:
-    """Return what finds the rows with a text in one of some columns.
+    """Return the condition for rows with a text in one of some columns.
 
     Only names that have other letters than ASCII's take the slow way. PostgreSQL without ICU knows the letters of the
     database's own locale alone.
@@ -82,7 +82,7 @@ AlertPlace = tuple[int, str]
 
 @dataclass(frozen=True, slots=True)
 class HistoryQuery:
-    """What is asked for: what was so between two times (epoch nanoseconds), of one robot, camera or class if named.
+    """A query: between two times (epoch nanoseconds), of one robot, camera or class if named.
 
     text: what sightings have in one of their names, in capitals or not.
     """
@@ -96,14 +96,14 @@ class HistoryQuery:
 
 
 class Archive:
-    """Reads the database of the history. Every method raises HistoryError: there is none, or it cannot be read."""
+    """Reads the database of the history. Every method raises HistoryError if it is absent or cannot be read."""
 
     def __init__(self, url: str) -> None:
         self._url = url
         self._room = asyncio.Semaphore(AT_ONCE)
 
     async def sightings(self, asked: HistoryQuery, limit: int, after: SightingPlace | None = None) -> list[Interval]:
-        """Return the newest intervals, those that began last first; after the place where another page ended."""
+        """Return the newest intervals by their beginning, from the place where another page ended."""
         order = (intervals.c.since_ns, intervals.c.robot, intervals.c.camera, intervals.c.name)
         query = intervals.select().where(*_named(asked, intervals), intervals.c.since_ns <= asked.until_ns)
         query = _page(query, order, limit, after)
@@ -122,7 +122,7 @@ class Archive:
         return [lasting_of_row(Interval, row, at_ns) for row in rows]
 
     async def counts(self, asked: HistoryQuery) -> Counts:
-        """Return how many were in view over the time that is asked for, by class."""
+        """Return the counts in view over the query's time, by class."""
         async with self._connected() as connection:
             if connection.dialect.name == "postgresql":  # its compiler takes longer than the query
                 await connection.exec_driver_sql("SET LOCAL jit = off")
@@ -150,7 +150,7 @@ class Archive:
         return [alert_of_row(row) for row in rows]
 
     async def acts(self, alert_ids: Sequence[str]) -> list[Act]:
-        """Return what was done with some alerts, in order."""
+        """Return the operators' actions on some alerts, in order."""
         query = acts.select().where(acts.c.alert_id.in_(alert_ids[:MAX_ROWS])).order_by(acts.c.at_ns).limit(MAX_ROWS)
         rows = await self._read(query)
         return [act_of_row(row) for row in rows]

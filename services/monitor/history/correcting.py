@@ -1,4 +1,4 @@
-"""Statements that correct times which were kept by a clock that was ahead."""
+"""SQL statements that correct times written by a clock that was ahead."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -31,7 +31,7 @@ LATEST: Final = {
 
 
 def corrections(correction: Correction) -> Iterator[Update]:
-    """Yield what corrects every table."""
+    """Yield the statements that correct every table."""
     from_ns, ahead_ns = correction.from_ns, correction.ahead_ns
 
     def corrected(column: ColumnElement[int]) -> ColumnElement[int]:

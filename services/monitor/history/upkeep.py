@@ -1,4 +1,4 @@
-"""What a history needs beside being written: old history is forgotten, unless the clock cannot be believed."""
+"""Maintenance of a history: deletes old rows, unless the clock is doubted."""
 
 import logging
 import time
@@ -15,7 +15,7 @@ RETRY_S: Final = 60.0
 
 
 class Upkeep:
-    """Forgets old history on a connection of its own: where that fails, history is kept all the same."""
+    """Deletes old history on a connection of its own: where that fails, the history is still written."""
 
     def __init__(self, url: str, days: float) -> None:
         self._url = url
@@ -27,12 +27,12 @@ class Upkeep:
         self._problem = ""
 
     def problems(self) -> tuple[str, ...]:
-        """Say why old history is not forgotten."""
+        """Return why old history is not deleted, in lines."""
         doubt = self._clock.doubt
         return tuple(each for each in ("" if doubt is None else str(doubt), self._problem) if each)
 
     def trust_clock(self) -> None:
-        """Take that the clock is right."""
+        """Trust the clock."""
         self._is_trusted = True
 
     async def begin(self, store: Store) -> None:
@@ -43,7 +43,7 @@ class Upkeep:
             await store.write_clock_doubt(self._clock.doubt)
 
     async def check_clock(self, store: Store, now_ns: int) -> Correction | None:
-        """Look at the clock before anything is written; return what is to be corrected here as it was in the database.
+        """Check the clock before a write; return the correction to apply here, as applied in the database.
 
         The database knows while the clock is in doubt, since what is written then says nothing of when that was.
         """
@@ -62,7 +62,7 @@ class Upkeep:
         return correction
 
     async def prune(self, now_ns: int) -> None:
-        """Forget some of what is old, if that is due; raises nothing."""
+        """Delete some old rows, if due; raises nothing."""
         if self._clock.doubt is not None or time.monotonic() < self._due_s:
             return
         self._due_s = time.monotonic() + RETRY_S
@@ -82,7 +82,7 @@ class Upkeep:
             await self.close()
 
     async def close(self) -> None:
-        """Let go of the database; raises nothing."""
+        """Close the database; raises nothing."""
         store, self._store = self._store, None
         if store is not None:
             await store.close()
