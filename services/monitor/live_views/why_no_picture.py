@@ -1,4 +1,4 @@
-"""Why there is nothing to be seen of a camera, and what to do about it. Pure."""
+"""Explains why a camera shows no picture, and what to do about it. Pure."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from services.monitor.formats import natural
 WAITING: Final = "Nothing has arrived yet"
 PATIENCE: Final = "It has been requested; a model takes some seconds to warm up."
 FIRST_FRAME_TIMEOUT_S: Final = 20.0
-"""After how long a model is warm, and something else keeps the stream from coming."""
+"""Seconds after which a model is warm, so that a missing stream has another cause."""
 
 LATE: Final = "Nothing newer arrives"
 OVERLOADED: Final = "Its worker or the link to it may be overloaded: Health shows what was dropped where."
@@ -20,7 +20,7 @@ OVERLOADED: Final = "Its worker or the link to it may be overloaded: Health show
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """What is wrong in a few words, and what to do."""
+    """A problem in a few words, and its cure."""
 
     title: str
     advice: str
@@ -28,7 +28,7 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What is known of a camera. serving: workers of the service that look after it. workers: all that are there.
+    """The state of a camera. serving: workers of the service that serve it. workers: all that are online.
 
     came: something was shown before. waited_s: since it was asked for. deaf: why the monitor cannot hear the fleet.
     join: the endpoint that workers are to connect to.
@@ -48,7 +48,7 @@ class Facts:
 def facts_of(
     fleet: Fleet, key: CameraKey, workers: Iterable[WorkerStatus], *, came: bool, waited_s: float, deaf: str, join: str
 ) -> Facts:
-    """Return what is known of a camera. workers: those of the service that are there now. See `Facts`."""
+    """Return the state of a camera. workers: those of the service that are online. See `Facts`."""
     there = tuple(workers)
     return Facts(
         known=fleet.inventory.camera(key) is not None,
@@ -64,7 +64,7 @@ def facts_of(
 
 
 def serving(key: CameraKey, workers: Iterable[WorkerStatus]) -> tuple[WorkerStatus, ...]:
-    """Return the workers that look after a camera now."""
+    """Return the workers that serve a camera now."""
     return tuple(
         worker
         for worker in workers
@@ -73,7 +73,7 @@ def serving(key: CameraKey, workers: Iterable[WorkerStatus]) -> tuple[WorkerStat
 
 
 def why_nothing(key: CameraKey, stream: Stream, service: str, facts: Facts) -> Reason:
-    """Return the first thing that keeps a stream from coming, from this monitor on; or that it is to be waited for."""
+    """Return the first reason, seen from this monitor, for a stream's absence; else that it is still starting."""
     if facts.deaf:
         return Reason(
             "This monitor has no link to the fleet",
