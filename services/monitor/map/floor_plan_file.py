@@ -1,4 +1,4 @@
-"""Floor plans as ROS's map_server keeps maps: a YAML file that says where in the map a grey image lies."""
+"""Reads floor plans in the format of ROS's map_server: a YAML file that places a grey image in the map."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -15,18 +15,18 @@ MAX_CHARACTERS: Final = 100_000
 MAX_PIXELS: Final = 64_000_000
 FORMATS: Final = ("PPM", "PNG", "BMP", "GIF", "TIFF")
 READ_AS: Final = {"1": "L", "L": "L", "P": "RGB", "RGB": "RGB", "LA": "RGBA", "RGBA": "RGBA"}
-"""Which channels images of a Pillow mode are read as."""
+"""The channels as which images of a Pillow mode are read."""
 
 
 class FloorPlanError(Exception):
-    """A floor plan that cannot be used, by the file that is to blame."""
+    """A floor plan is unusable; the message names the file at fault."""
 
     def __init__(self, file: Path, reason: str) -> None:
         super().__init__(f"floor plan {file}: {reason}")
 
 
 def load_floor_plan(path: Path) -> FloorPlan:
-    """Read a map's YAML file and the image that it names.
+    """Read a map's YAML file and its image.
 
     Raises:
         FloorPlanError: either cannot be read, or is not what map_server writes.
