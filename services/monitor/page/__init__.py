@@ -1,4 +1,4 @@
-"""The page that people look at, made with nicegui."""
+"""The web page, made with nicegui."""
 
 from fastapi import FastAPI
 from nicegui import app as nicegui_app
@@ -21,7 +21,7 @@ from services.monitor.page.wall import add_wall
 
 
 def add_pages(app: FastAPI, monitor: Monitor) -> None:
-    """Add every page. Whoever gets to one is logged in: the server sees to it."""
+    """Add every page. The server admits only visitors who are logged in."""
     answer_instead(nicegui_app)
     shared = Shared(monitor)
     add_overview(shared, monitor)

@@ -1,4 +1,4 @@
-"""Alerts: those that are open, what is done about them, and those that ended."""
+"""The alerts page: open alerts, actions on them, and resolved ones."""
 
 import time
 from collections import defaultdict
@@ -43,7 +43,7 @@ MAX_KEPT: Final = 200
 
 @dataclass(frozen=True, slots=True)
 class AlertList:
-    """Alerts with what people did with each; problem: why there are none, in words."""
+    """Alerts with operators' actions; problem: why there are none, in words."""
 
     alerts: Sequence[Alert] = ()
     acts: Mapping[str, Sequence[Act]] = field(default_factory=dict)
@@ -51,7 +51,7 @@ class AlertList:
 
 
 class KeptAlerts:
-    """The newest alerts that ended."""
+    """The newest resolved alerts."""
 
     MAX_AGE_S: ClassVar = 3.0
 
@@ -60,7 +60,7 @@ class KeptAlerts:
         self._ended = CachedValue(self._read, self.MAX_AGE_S)
 
     async def ended(self) -> AlertList:
-        """Return the newest alerts that ended."""
+        """Return the newest resolved alerts."""
         return await self._ended.get()
 
     async def _read(self) -> AlertList:
@@ -170,7 +170,7 @@ class _Alerts:
         await self._open.refresh()
 
     async def look_back(self) -> None:
-        """Show the alerts that ended."""
+        """Show the resolved alerts."""
         await self._ended.refresh()
 
     async def _load_open(self, window: RowWindow) -> Loaded:

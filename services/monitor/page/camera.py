@@ -1,4 +1,4 @@
-"""One camera live: its picture with what was found drawn over it, and what is in view how far away."""
+"""The camera page: the live picture with its overlay, and the objects in view with their distances."""
 
 import time
 from collections import deque
@@ -28,10 +28,10 @@ from services.monitor.page.picture_frame import VIEW_STYLE, PageVisibility, Stag
 PATH: Final = "/cameras/{robot}/{camera}"
 REFRESH_S: Final = 0.5
 TICK_S: Final = 0.1
-"""How soon after a picture it is said what was counted in it."""
+"""Seconds between updates of the counts in the picture."""
 
 AGAIN_S: Final = 3.0
-"""When a picture that broke off is asked for again."""
+"""Seconds after which an interrupted picture is requested again."""
 
 SERVICE: Final = "detector"
 ALT: Final = "The newest picture of {}, with what was found drawn on it"
@@ -60,7 +60,7 @@ def add_camera(monitor: Monitor, views: Views) -> None:
 
 
 class _Live:
-    """What the page shows of one camera. The picture's own connection is what looks at the overlay."""
+    """The page's content for one camera. The picture's own connection requests the overlay."""
 
     def __init__(self, monitor: Monitor, views: Views, key: CameraKey) -> None:
         self._monitor, self._views, self._key = monitor, views, key
@@ -105,7 +105,7 @@ class _Live:
         self.show()
 
     async def run(self, visibility: PageVisibility, lists: FrameLists) -> None:
-        """Show the camera while somebody looks. lists: what was counted in its newest frames."""
+        """Show the camera while the page is visible. lists: counts in its newest frames."""
         self.show()
         refreshed_s = 0.0
         while not await visibility.ends(TICK_S):
@@ -116,7 +116,7 @@ class _Live:
         self.hide()
 
     def show(self) -> None:
-        """Ask for the picture, from now on."""
+        """Request the picture."""
         self._since_s = time.monotonic()
         self._ask()
 
@@ -127,7 +127,7 @@ class _Live:
         self._image.props(f'src="{path_of(self._stream)}?{self._asked}"')
 
     def hide(self) -> None:
-        """Ask for no picture: its connection ends, and the overlay is not drawn any more."""
+        """Stop requesting the picture: its connection ends, and the overlay is no longer drawn."""
         self._image.props(remove="src")
 
     def _broke_off(self) -> None:
@@ -206,7 +206,7 @@ class _Live:
 
 
 def counted_in(frame: ClassList | None) -> str:
-    """Return as HTML what a model counted in one frame; None where that is not known."""
+    """Return a model's counts in one frame as HTML; None if they are unknown."""
     if frame is None:
         return '<span class="fs-muted">Unknown</span>'
     chips = "".join(
@@ -217,13 +217,13 @@ def counted_in(frame: ClassList | None) -> str:
 
 
 def otherwise(disagreements: Mapping[str, tuple[int, int]]) -> str:
-    """Return what another model counts differently, in words; empty for nothing."""
+    """Return another model's different counts, in words; empty if there are none."""
     counts = ", ".join(f"{theirs} {name}" for name, (_, theirs) in sorted(disagreements.items()))
     return f"Another model counts {counts}" if counts else ""
 
 
 def rows(sightings: Sequence[Sighting], now_ns: int, *, available: bool) -> str:
-    """Return what is in view as HTML: one element, however often it changes."""
+    """Return the objects in view as HTML, one element for all of them."""
     if not sightings:
         return f'<div class="fs-line fs-muted">{"Nothing" if available else "Unknown"}</div>'
     return "".join(

@@ -1,4 +1,4 @@
-"""Health: workers, gateways and the monitor itself; who serves which camera, and what is wrong."""
+"""The health page: workers, gateways and the monitor itself; which worker serves which camera, and problems."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ from services.monitor.page.shared import Shared
 
 
 class MonitorHealth:
-    """A list of what a monitor says of itself."""
+    """The list of facts about a monitor."""
 
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
@@ -43,13 +43,13 @@ class MonitorHealth:
                 self._labels.append(ui.label())
 
     def refresh(self) -> None:
-        """Say it as it is now."""
+        """Show the current facts."""
         for label, (_, fact) in zip(self._labels, facts(self._monitor, time.time_ns()), strict=True):
             label.set_text(fact)
 
 
 def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
-    """Yield what a monitor says of itself: always the same things in the same order."""
+    """Yield the facts about a monitor: always the same ones in the same order."""
     history, settings = monitor.history.status, monitor.settings
     yield "Running for", lasting((now_ns - monitor.started_ns) / NS)
     yield "Robots join at", ", ".join(endpoints_to_join(settings)) or "what scouting finds"
@@ -147,7 +147,7 @@ class _Health:
         ui.timer(REFRESH_S, self.refresh, immediate=False)
 
     async def refresh(self) -> None:
-        """Show how everything is now."""
+        """Show the current state."""
         await self._workers.refresh()
         await self._gateways.refresh()
         self._itself.refresh()

@@ -1,4 +1,4 @@
-"""The inventory: what is in view of every camera, and how many were."""
+"""The inventory page: the objects in view of every camera, and counts over time."""
 
 import asyncio
 import time
@@ -113,11 +113,11 @@ class _Inventory:
             )
 
     async def refresh(self) -> None:
-        """Show what is in view now."""
+        """Show the objects in view now."""
         await self._table.refresh()
 
     async def draw(self) -> None:
-        """Draw the chart anew."""
+        """Draw the chart again."""
         drawn = await self._charts.of(self._subject)
         self._about.set_text(f"In view: {self._subject}")
         self._all.set_visibility(bool(self._subject.robot))
