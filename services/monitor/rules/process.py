@@ -22,7 +22,7 @@ from services.monitor.rules.timeline import FOREVER_NS, Timeline
 
 
 async def run(settings: RulesSettings) -> None:
-    """Print what the rules would have made of history.
+    """Print the alerts that the rules would have raised over the history.
 
     Raises:
         HistoryError: the database cannot be read.

@@ -1,4 +1,4 @@
-"""Rules tried against history: which alerts they would have raised. Pure."""
+"""Replays rules over the history: which alerts they would have raised. Pure."""
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -30,7 +30,7 @@ class _Robot:
 
 @dataclass(slots=True)
 class _Camera:
-    """speaks: None while it is not known that it ever did."""
+    """speaks: None while it is unknown whether it ever was live."""
 
     counts: dict[str, int] = field(default_factory=dict)
     nearest: dict[str, float] = field(default_factory=dict)
@@ -44,7 +44,7 @@ class _Camera:
 
 
 class _Memory:
-    """What a monitor knew of the fleet; last_ns is when anything was heard of a member."""
+    """A monitor's knowledge of the fleet; last_ns: a member's newest message."""
 
     def __init__(self) -> None:
         self.robots: dict[str, _Robot] = {}
@@ -62,7 +62,7 @@ class _Memory:
                 _dispute(self._camera(of.key, step.at_ns), of, begins=step.begins)
 
     def forget(self, before_ns: int) -> None:
-        """Forget who was gone before, as a monitor that begins does."""
+        """Forget robots and cameras that were gone before, as a starting monitor does."""
         robots, cameras = self.robots.items(), self.cameras.items()
         self.robots = {name: of for name, of in robots if of.there or of.last_ns >= before_ns}
         self.cameras = {key: of for key, of in cameras if of.goes_on or of.last_ns >= before_ns}
@@ -74,12 +74,12 @@ class _Memory:
 
 
 def caveats(book: RuleBook) -> list[str]:
-    """Return what a replay of these rules cannot tell."""
+    """Return the limits of a replay of these rules."""
     return [f"{rule.name}: {AT_MOST}" for rule in book.rules if isinstance(rule, NearerRule)]
 
 
 def replay(book: RuleBook, past: Timeline) -> Iterator[Effect]:
-    """Yield what the rules would have made of the past, in order; while no monitor ran, nothing is made of anything."""
+    """Yield the alerts' changes over the history, in order; nothing changes while no monitor ran."""
     numbers = count(1)
     memory, steps = _Memory(), deque(past.steps())
     alerts: list[Alert] = []

@@ -10,7 +10,7 @@ from services.monitor.settings import RegularFile
 
 
 class RulesSettings(BaseModel):
-    """Try a rule file against what a monitor kept: print each alert that it would have raised.
+    """Test a rule file on a monitor's history: print each alert that it would have raised.
 
     A mistake in the file is shown with its line.
     """
