@@ -21,11 +21,11 @@ DAY_NS: Final = 86_400 * 1_000_000_000
 
 
 class UsersError(Exception):
-    """What is asked for cannot be done; the message says why."""
+    """The task failed; the message says why."""
 
 
 async def run(settings: UsersSettings) -> None:
-    """Do it, and say in which database, and what was done.
+    """Run the task; print the database and the result.
 
     Raises:
         UsersError: it cannot be done.

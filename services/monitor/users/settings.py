@@ -9,7 +9,7 @@ from services.monitor.web.auth.users import Role
 
 
 class UsersSettings(BaseModel):
-    """Say who may log in to a monitor. A password is asked for, or read from standard input.
+    """Manage the users of a monitor. Passwords are prompted for, or read from standard input.
 
     `reset` gives another password or role and ends every session and token of theirs, as `remove` does; `token` prints
     a token for a program that does what this user may. A running monitor knows within seconds. Only `add` makes a
