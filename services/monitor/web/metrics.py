@@ -1,4 +1,4 @@
-"""Prometheus metrics: read off the monitor when somebody asks, so that they cost nothing while nobody does."""
+"""Prometheus metrics, computed on request, so that they cost nothing otherwise."""
 
 import asyncio
 from collections import Counter
@@ -28,21 +28,21 @@ CONTENT_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
 
 
 async def metrics_of(monitor: Monitor) -> bytes:
-    """Return everything in Prometheus's text format."""
+    """Return all metrics in Prometheus's text format."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Seen(monitor, await monitor.snapshot()))
     return await asyncio.to_thread(generate_latest, registry)
 
 
 class _Seen(Collector):
-    """The metrics of one moment; what changes while they are written is taken beforehand."""
+    """The metrics of one moment, collected before they are written, as values change meanwhile."""
 
     def __init__(self, monitor: Monitor, snapshot: Snapshot) -> None:
         self._monitor = list(_of_monitor(monitor, snapshot))
         self._snapshot = snapshot
 
     def collect(self) -> Iterator[Metric]:
-        """Yield them."""
+        """Yield the metrics."""
         yield from self._monitor
         yield from _of_robots(self._snapshot.robots[:MAX_LABELLED])
         yield from _of_cameras(self._snapshot.cameras[:MAX_LABELLED])
@@ -154,7 +154,7 @@ def watching_routes(monitor: Monitor, access: Access) -> APIRouter:
 
     @router.get(HEALTH)
     async def health(request: Request) -> Response:
-        """503 while the fleet cannot be heard; strangers hear what is wrong, not where."""
+        """503 while the fleet cannot be heard; only logged-in users get the reason."""
         dead, not_kept = monitor.health.problem, monitor.history.status.problem
         degraded = {
             "the history is not being kept": not_kept,

@@ -1,4 +1,4 @@
-"""The web server as a part of a monitor's process."""
+"""The web server as part of a monitor's process."""
 
 import asyncio
 import errno
@@ -19,11 +19,11 @@ from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.errors import WebError
 
 _OF_PORTS: Final = (errno.EADDRINUSE, errno.EACCES)
-"""What another port may mend."""
+"""Errors that another port may solve."""
 
 
 def open_listener(settings: WebSettings) -> socket.socket:
-    """Listen where the settings say.
+    """Return a listening socket for the settings.
 
     Raises:
         WebError: the address or port cannot be had.
@@ -46,7 +46,7 @@ def open_listener(settings: WebSettings) -> socket.socket:
 
 
 def url_of(listener: socket.socket, settings: WebSettings) -> str:
-    """Return the address to write into a browser's bar, without a slash at its end."""
+    """Return the address for a browser, without a trailing slash."""
     if settings.web_url is not None:
         return str(settings.web_url).rstrip("/")
     host, port = listener.getsockname()[:2]
@@ -60,7 +60,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Web:
-    """A web server that has its port and is not serving yet. url: where the page is."""
+    """A web server whose port is open, but which is not serving yet. url: of the page."""
 
     url: str
     listener: socket.socket
@@ -68,7 +68,7 @@ class Web:
 
     @classmethod
     def of(cls, settings: MonitorSettings) -> Self:
-        """Take the port; raises WebError."""
+        """Open the port; raises WebError."""
         listener = open_listener(settings)
         url = url_of(listener, settings)
         if not (url.startswith("https:") or ipaddress.ip_address(listener.getsockname()[0]).is_loopback):
@@ -76,7 +76,7 @@ class Web:
         return cls(url, listener, Access(UserStore(users_url(settings.history)), settings.web_session_hours, url))
 
     async def run(self, monitor: Monitor) -> None:
-        """Serve for ever."""
+        """Serve until cancelled."""
         await aside(partial(import_module, "services.monitor.web.server"))  # a second's work
         from services.monitor.web.server import serve  # noqa: PLC0415 - 60 MB, for who serves alone
 
@@ -85,6 +85,6 @@ class Web:
             await serve(monitor, self.listener, self.access)
 
     def notes(self) -> list[str]:
-        """Say what whoever looks at the terminal should know."""
+        """Return notes for the terminal."""
         invitation, problem = self.access.invitation, self.access.problem
         return [f"first user: {invitation}"] * bool(invitation) + [problem] * bool(problem)

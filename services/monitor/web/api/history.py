@@ -1,4 +1,4 @@
-"""Routes about what was: sightings as intervals, alerts, and both as files."""
+"""Routes about the history: sightings as intervals, alerts, and both as files."""
 
 import asyncio
 import time
@@ -38,7 +38,7 @@ Until = Annotated[Moment | None, Query(description="skip what began after this t
 def asked(
     *, since: Since = None, until: Until = None, robot: Name = "", camera: Name = "", name: ClassName = ""
 ) -> HistoryQuery:
-    """Return what the query of a URL asks for.
+    """Return the history query of a URL.
 
     Raises:
         HTTPException: it ends before it begins.
@@ -66,7 +66,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/sightings")
     async def sightings(wanted: FromQuery, limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[IntervalAnswer]:
-        """What was in view, one interval as long as a count stayed the same; the newest first."""
+        """The objects in view, one interval per constant count; newest first."""
         place = None if after is None else place_of(after, (int, str, str, str))
         items, mark = first_of(await monitor.archive.sightings(wanted, limit + 1, place), _interval_place, limit)
         return Page(now=moment(time.time_ns()), items=[interval_answer(each) for each in items], next=mark)
@@ -78,7 +78,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
         limit: Limit = DEFAULT_LIMIT,
         after: After = None,
     ) -> Page[AlertAnswer]:
-        """Alerts, resolved or not, and what people did with them; those that changed last come first."""
+        """Alerts, resolved or not, with operators' actions on them; last changed first."""
         place = None if after is None else place_of(after, (int, str))
         states = () if state is None else (state,)
         found = await monitor.archive.alerts(wanted, limit + 1, place, states=states)
@@ -98,7 +98,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
         *,
         bom: Annotated[bool, Query(description="begin CSV with a byte order mark, as Excel needs it")] = False,
     ) -> FileResponse:
-        """What the other two answer, whole and as a file, the oldest first; one at a time is made."""
+        """All matching sightings or alerts as a file, oldest first; one export runs at a time."""
         if exporting.locked():
             raise HTTPException(503, "another export is running; try again later", {"Retry-After": "10"})
         async with exporting:
@@ -114,7 +114,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
 
     @router.post("/trust-clock", status_code=204)
     async def trust_clock(request: Request) -> None:
-        """The clock of the monitor's machine is right, however long ago history was kept last."""
+        """Trust the clock of the monitor's machine, however long ago the history was written last."""
         monitor.trust_clock(operator_of(request, monitor))
 
     return router

@@ -1,4 +1,4 @@
-"""The fleet as it changes, over a WebSocket: each client is sent what is new to it, as fast as it takes it."""
+"""The fleet as it changes, over a WebSocket: each client gets only changes, as fast as it takes them."""
 
 import asyncio
 import json
@@ -20,7 +20,7 @@ Robot = Annotated[str, Query(max_length=64, description="only this robot")]
 
 
 class Client:
-    """What one client was sent already: nothing waits for it but what it has not been told yet. Pure."""
+    """The state already sent to one client; only differences are sent, so nothing queues. Pure."""
 
     def __init__(self, topics: Iterable[Topic], robot: str) -> None:
         self._robot = robot
@@ -28,11 +28,11 @@ class Client:
 
     @property
     def topics(self) -> Iterable[Topic]:
-        """What it is told about."""
+        """The client's topics."""
         return self._sent
 
     def news(self, now: str, current: Mapping[Topic, Mapping[Name, Item]]) -> str:
-        """Return what is new to it as JSON, which then counts as sent; empty if nothing is.
+        """Return the changes as JSON, and mark them as sent; empty if there are none.
 
         That there is nothing of a topic is news, too, once. Of one that is not in `current` nothing is known.
         """

@@ -1,4 +1,4 @@
-"""Pages of long lists, and the marks that say where one ended."""
+"""Pages of long lists, and the cursors between them."""
 
 import base64
 import binascii
@@ -29,12 +29,12 @@ ClassName = Annotated[str, Query(alias="class", max_length=MAX_LABEL, descriptio
 
 
 def mark_of(place: Sequence[str | int]) -> str:
-    """Return a place in a list as text for a URL."""
+    """Return the cursor of a place in a list, as text for a URL."""
     return base64.urlsafe_b64encode(json.dumps(list(place), separators=(",", ":")).encode()).decode().rstrip("=")
 
 
 def place_of(mark: str, kinds: Sequence[type[str | int]]) -> tuple[Any, ...]:
-    """Return the place that a mark stands for.
+    """Return the place of a cursor.
 
     Raises:
         HTTPException: it is none of ours.
@@ -58,14 +58,14 @@ def page_of(
     *,
     wanted: Callable[[T], bool] = lambda _: True,
 ) -> tuple[list[T], str | None]:
-    """Return some of a list that is sorted by `place`, a tuple of `width` texts, and the mark for those that follow."""
+    """Return a page of a list sorted by `place`, a tuple of `width` texts, and the cursor of the next page."""
     begin = 0 if after is None else bisect_right(every, place_of(after, (str,) * width), key=place)
     found = list(islice((each for each in islice(every, begin, None) if wanted(each)), limit + 1))
     return first_of(found, place, limit)
 
 
 def first_of(found: list[T], place: Callable[[T], Sequence[str | int]], limit: int) -> tuple[list[T], str | None]:
-    """Return the first so many, and the mark for those that follow if there are more."""
+    """Return the first `limit` items, and the cursor of the next page if there are more."""
     return (found, None) if len(found) <= limit else (found[:limit], mark_of(place(found[limit - 1])))
 
 
@@ -73,7 +73,7 @@ MAX_SHOWN: Final = 80
 
 
 async def refuse_unknown(connection: HTTPConnection) -> None:
-    """Be a dependency of every route.
+    """Refuse unknown and repeated parameters; a dependency of every route.
 
     Raises:
         HTTPException: there is a parameter that the route does not have, or twice one of which it reads the last alone.
@@ -100,7 +100,7 @@ def _parameters(of: Dependant) -> Iterator[tuple[str, bool]]:
 
 
 def operator_of(request: Request, monitor: Monitor) -> str:
-    """Return the name of the operator who asks.
+    """Return the name of the operator who sends a request.
 
     Raises:
         HTTPException: it is none, or another monitor raises the alerts.

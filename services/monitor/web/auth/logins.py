@@ -1,4 +1,4 @@
-"""Who is logged in. It is known in memory, so that a database that is gone locks nobody out."""
+"""The logged-in users, kept in memory too, so that a missing database locks nobody out."""
 
 import asyncio
 import hmac
@@ -30,17 +30,17 @@ from services.monitor.web.auth.users import (
 log = logging.getLogger(__name__)
 
 LOOK_S: Final = 2.0
-"""How often it is looked what others changed: another monitor, or `fleetsight users`."""
+"""Seconds between reads of changes by another monitor, or `fleetsight users`."""
 
 END_S: Final = 1.0
-"""How long the last write may take."""
+"""Seconds allowed for the last write."""
 
 PROLONG_SHARE: Final = 0.1
 """Of a session's time, that must have passed before its end is moved."""
 
 
 class AccessError(Exception):
-    """Somebody is not let in; the message says why. wait_s: when to try again, 0 where that does not help."""
+    """Access is refused; the message says why. wait_s: when to try again, 0 if that does not help."""
 
     def __init__(self, reason: str, wait_s: float = 0.0) -> None:
         super().__init__(reason)
@@ -48,7 +48,7 @@ class AccessError(Exception):
 
 
 class Access:
-    """Users, sessions and tokens. problem: why the users cannot be read or sessions not be kept, or empty.
+    """Users, sessions and tokens. problem: why users cannot be read or sessions not be saved, or empty.
 
     url: where people reach us, for the link that the first user is made with.
     """
@@ -73,7 +73,7 @@ class Access:
 
     @property
     def needs_setup(self) -> bool:
-        """Whether it is known that there are no users yet."""
+        """Whether it is certain that there are no users yet."""
         return self._users is not None and not self._users and not self._store.left_out
 
     @property
@@ -82,7 +82,7 @@ class Access:
         return f"{self._url}{SET_UP}?token={self._setup_secret}" if self.needs_setup else ""
 
     async def run(self) -> None:
-        """Stay up to date with the database, for ever; what was not written yet is written at the end."""
+        """Stay in sync with the database until cancelled; pending changes are written at the end."""
         try:
             while True:
                 await self.look()
@@ -93,7 +93,7 @@ class Access:
                     await self._write()
 
     async def look(self) -> None:
-        """Write what changed here and read what others changed."""
+        """Write local changes and read those of others."""
         async with self._looking:
             self.problem = await self._write() or await self._read()
 
@@ -152,7 +152,7 @@ class Access:
         return self._open(user)
 
     async def set_up(self, secret: str, name: str, password: str, address: str) -> str:
-        """Make the first user, an operator; return the secret of a session.
+        """Create the first user, an operator; return the secret of a session.
 
         Raises:
             AccessError: the secret is not that of the link, there are users already, or name or password will not do.
@@ -181,7 +181,7 @@ class Access:
             self._end(digest)
 
     def visitor(self, secret: str, kind: Kind) -> Visitor | None:
-        """Return whose session or token it is, if it is good; a session's end moves on."""
+        """Return the visitor of a valid session or token; a session's end moves on."""
         digest = digest_of(secret)
         login = self._login(digest, kind)
         if login is None or self._role(digest, kind) is None:
