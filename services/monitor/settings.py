@@ -1,4 +1,4 @@
-"""Settings of the monitor: its page and API, the inventory, the alerts, and the files that they name."""
+"""Settings of the monitor: page and API, inventory, alerts and the files they use."""
 
 import os
 from ipaddress import ip_address
@@ -18,7 +18,7 @@ Seconds = Annotated[float, Field(ge=0, le=3600)]
 
 
 class InventorySettings(BaseModel):
-    """When what cameras see is believed."""
+    """Settings of the inventory: debouncing and time limits."""
 
     heading: ClassVar = "when objects count as seen"
 
@@ -42,7 +42,7 @@ class InventorySettings(BaseModel):
         return self
 
     def limits(self) -> TrustLimits:
-        """Return them as the inventory takes them."""
+        """Return the limits in the inventory's form."""
         debounce = Debounce(self.appear_lists, _ns(self.appear_s), self.vanish_lists, _ns(self.vanish_s))
         return TrustLimits(debounce, stale_ns=_ns(self.stale_s), lost_ns=_ns(self.lost_s))
 
@@ -62,7 +62,7 @@ RegularFile = Annotated[Path, AfterValidator(_regular)]
 
 
 class AlertingSettings(BaseModel):
-    """Which rules make alerts."""
+    """Settings of alerting."""
 
     heading: ClassVar = "alerts"
 
@@ -70,7 +70,7 @@ class AlertingSettings(BaseModel):
 
 
 class WebSettings(BaseModel):
-    """Where the page is, and for how long somebody is logged in."""
+    """Settings of the page and the HTTP API."""
 
     heading: ClassVar = "page and HTTP API"
 
@@ -104,7 +104,7 @@ class WebSettings(BaseModel):
 
 
 class MonitorSettings(WebSettings, AlertingSettings, InventorySettings, HistorySettings, BusSettings):
-    """Show what every robot of the fleet sees. The Zenoh router that the fleet connects to is part of it by default."""
+    """Show the objects seen by every robot of the fleet. It includes the fleet's Zenoh router by default."""
 
     mode: Annotated[
         Literal["router", "peer", "client"],
