@@ -42,7 +42,7 @@ class ClockHoldback:
     def arrive(self, arrival: Arrival, *, kept: bool) -> list[Arrival]:
         """Take a list; return the lists to process now, in order. kept: it may have been sent long before."""
         header = arrival.seen.header
-        if not self._waiting and not kept:  # nearly always
+        if not self._waiting and not kept:  # the usual case
             return [arrival]
         key = camera_key(header.robot, header.camera)
         if key not in self._waiting and (not kept or self._is_dated(header, arrival.received_ns)):

@@ -134,7 +134,7 @@ class Fleet:
         if name not in self.workers:
             self._forget_workers(received_ns)
         make_room(self.workers, name)
-        self.worker_heard_ns.pop(name, None)  # in order: who was heard of longest ago comes first
+        self.worker_heard_ns.pop(name, None)  # keeps the order: the longest silent first
         self.workers[name], self.worker_heard_ns[name] = status, received_ns
         self.inventory.worker_reports(*name, status.classes)
 

@@ -205,7 +205,7 @@ async def _receive(
                     take(sample)
                 except (SchemaError, InventoryFullError) as error:
                     _leave_out(fleet, sample.key, error)
-            await asyncio.sleep(0)  # where more waits already, nothing else would have its turn
+            await asyncio.sleep(0)  # lets other tasks run while more messages wait
         counting.cancel()
 
 

@@ -239,7 +239,7 @@ def known_until_ns(alert: Alert, inventory: Inventory, now_ns: int) -> int | Non
 
     That is when its camera was heard last, or when it was raised where nobody remembers that.
     """
-    if alert.state is AlertState.RESOLVED or not alert.name:  # only silence is of no class
+    if alert.state is AlertState.RESOLVED or not alert.name:  # only silence alerts have no class
         return None
     view = inventory.camera(CameraKey(alert.robot, alert.camera))
     if view is None:

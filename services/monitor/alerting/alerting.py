@@ -215,7 +215,7 @@ class Alerting:
         if engine.concerns(camera.key):
             look = self._look_of(camera, now_ns)
             engine.look(look, now_ns)
-            if look.nearest or (look.speaks and not look.settled):  # which may grow old, or settle, without any news
+            if look.nearest or (look.speaks and not look.settled):  # may become old, or settle, without a change
                 self._unsteady.add(camera.key)
 
     def _look_of(self, camera: CameraView, now_ns: int) -> CameraState:
@@ -232,7 +232,7 @@ class Alerting:
             return
         webhooks = engine.book.webhooks
         told = dict.fromkeys([*rule.webhooks, *(rule.escalate_webhooks if effect.escalated else ())])
-        for name in [name for name in told if name in webhooks]:  # the rule may be of the book before
+        for name in [name for name in told if name in webhooks]:  # the rule may be from the earlier book
             self._webhooks.post(name, webhooks[name], alert)
         if effect.raised and rule.action is not None:
             self._actions.send(action_of(rule.action, alert, uuid4().hex))

@@ -72,7 +72,7 @@ async def _write(engine: AsyncEngine, settings: ExportSettings, to: Path, table:
             made.replace(to)
             return count
     except OSError as error:
-        if error.filename is None:  # it may be the database that cannot be reached
+        if error.filename is None:  # may come from a database that cannot be reached
             raise
         raise HistoryError(f"{to}: {error.strerror}") from error
 

@@ -206,7 +206,7 @@ class CameraView:
         for name in moved:
             tracked = new.classes[name]
             tracked.came = name not in before or before[name].count.count == 0
-            if tracked.came:  # now, whatever this model counted before: the old one said otherwise
+            if tracked.came:  # now, as the earlier primary model did not count it
                 tracked.first_ns = tracked.count.since_ns
         for name, theirs in before.items():
             mine = new.classes.get(name)

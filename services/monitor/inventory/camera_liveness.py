@@ -42,7 +42,7 @@ class SpeakingCameras:
         self._silent.difference_update(began)
         self._silent.update(ceased)
         for view in (*began, *looked_at.difference(ceased)):
-            newest_ns = min(view.last_ns, now_ns)  # a clock that was set back makes what came before of the future
+            newest_ns = min(view.last_ns, now_ns)  # after a clock was set back, earlier arrivals are in the future
             self._wait(view, max(now_ns, newest_ns + self._inventory.limits.stale_ns) + 1)
         return [*began, *ceased]
 

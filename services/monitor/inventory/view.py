@@ -232,7 +232,7 @@ class ModelView:
         absent = [(name, tracked) for name, tracked in self.classes.items() if tracked.listed != self.lists]
         for name, tracked in absent:
             if tracked.count.count == 0 and tracked.first_ns == 0:
-                del self.classes[name]  # a flicker
+                del self.classes[name]  # flickered only
             elif tracked.count.advance(0, at_ns, debounce):
                 tracked.move(came=False)
                 moved.append(name)

@@ -35,9 +35,9 @@ def load_floor_plan(path: Path) -> FloorPlan:
     image = path.parent / said.image
     try:
         return FloorPlan.of(*_shades(image, with_alpha=said.mode == "trinary"), said)
-    except (UnidentifiedImageError, ImportError) as error:  # where Ultralytics is, Pillow looks for a HEIF decoder
+    except (UnidentifiedImageError, ImportError) as error:  # Ultralytics has Pillow look for a HEIF decoder
         raise FloorPlanError(image, "not a map image; use PGM or PNG") from error
-    except Exception as error:  # Pillow's readers raise whatever a damaged file leads them to
+    except Exception as error:  # damaged files make Pillow raise arbitrary errors
         raise FloorPlanError(image, _reason(error)) from error
 
 
@@ -83,6 +83,6 @@ def _shades(path: Path, *, with_alpha: bool) -> tuple[NDArray[np.uint16], int]:
         read = image if image.mode == mode else image.convert(mode)
         colours = [each for each in read.getbands() if with_alpha or each != "A"]
         sums = np.zeros((image.height, image.width), np.uint16)
-        for each in colours:  # one by one: all of them are a lot of memory
+        for each in colours:  # one at a time, to save memory
             sums += np.asarray(read.getchannel(each))
     return sums, 255 * len(colours)

@@ -38,7 +38,7 @@ def _add_views(app: FastAPI, monitor: Monitor) -> None:
     routes = [Route(PATH, MjpegStreams(views.pictures))]
     if monitor.floor_plan is not None:
         routes.append(floor_plan_route(monitor.floor_plan))
-    app.router.routes[:0] = routes  # before the page, which takes the rest
+    app.router.routes[:0] = routes  # before the page, which matches all other paths
     add_camera(monitor, views)
     add_objects(monitor, views)
     add_map(monitor, views)

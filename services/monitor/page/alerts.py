@@ -127,7 +127,7 @@ class _Alerts:
         )
         for part in (self._elsewhere, self._unknown, self._calm, self._none):
             part.set_visibility(False)
-        ui.timer(REFRESH_S, self.refresh)  # a slow database keeps nobody from the page
+        ui.timer(REFRESH_S, self.refresh)  # a slow database does not delay the page
         ui.timer(KeptAlerts.MAX_AGE_S, self.look_back)
 
     def _open_panel(self) -> None:
@@ -175,7 +175,7 @@ class _Alerts:
 
     async def _load_open(self, window: RowWindow) -> Loaded:
         leads = self._monitor.history.status.leads
-        self._elsewhere.set_visibility(not leads)  # before a database is waited for, which may be slow
+        self._elsewhere.set_visibility(not leads)  # before waiting for a database, which may be slow
         self._elsewhere_text.set_text(raised_by(self._monitor.history.status.leader))
         every: Sequence[Alert] | None = None
         why_unknown = ""

@@ -98,7 +98,7 @@ async def page_frame(
         banners.refresh()
         if not links:
             return
-        with suppress(HistoryError):  # which is among the problems
+        with suppress(HistoryError):  # already shown among the problems
             alerts = await monitor.current_alerts()
             for each in links:
                 each.count(alerts)

@@ -161,7 +161,7 @@ class _Health:
             self._unserved_text.set_text(f"No detector serves {named}{rest}. Start one to see what is in view.")
 
     async def _load_workers(self, window: RowWindow) -> Loaded:
-        await self._shared.survey()  # takes the rates
+        await self._shared.survey()  # updates the rates
         workers = sorted(
             self._monitor.glance().workers.lines, key=lambda worker: (not worker.online, natural(worker.name))
         )

@@ -85,7 +85,7 @@ class _Inventory:
                 "Clear the search, or switch off In view now to see what was there before.",
             )
         ui.timer(REFRESH_S, self.refresh, immediate=False)
-        ui.timer(MAX_AGE_S, self.draw)  # a slow database keeps nobody from the page
+        ui.timer(MAX_AGE_S, self.draw)  # a slow database does not delay the page
 
     def _draw_panel(self) -> None:
         with ui.element("div").classes("fs-panel"):

@@ -113,7 +113,7 @@ class RuleEngine:
         """Take the current state of one camera."""
         self._advance(now_ns)
         robot, camera = look.key.robot, look.key.camera
-        if (names := self._inherited.get((robot, camera))) is not None:  # classes that nobody else may know of any more
+        if (names := self._inherited.get((robot, camera))) is not None:  # classes of restored alerts
             look = msgspec.structs.replace(look, counts={**dict.fromkeys(names, 0), **look.counts})
         (self._unknown.discard if look.speaks else self._unknown.add)((robot, camera))
         for rule in self._rules_of(robot, camera):

@@ -44,7 +44,7 @@ def load_rules(text: str) -> RuleBook:
     try:
         book = RuleBook.model_validate(content)
     except ValidationError as error:
-        mistakes = error.errors(include_url=False)  # a misspelt name first: it explains why another one is missing
+        mistakes = error.errors(include_url=False)  # misspelt keys first: they explain missing ones
         mistake = next((each for each in mistakes if each["type"] == "extra_forbidden"), mistakes[0])
         place = [part for part in mistake["loc"] if part not in KINDS]
         where = list(mistake.get("ctx", {}).get("place", place))

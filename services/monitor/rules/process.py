@@ -49,7 +49,7 @@ async def run(settings: RulesSettings) -> None:
 
 
 async def _past(store: Store, since_ns: int) -> Timeline:
-    runs, there = presence.c.robot == "", presence.c.robot != ""  # however many others there are, all of the runs
+    runs, there = presence.c.robot == "", presence.c.robot != ""  # separately, so that no run is cut off by the limit
     return Timeline(
         await store.select(Interval, since_ns=since_ns),
         [

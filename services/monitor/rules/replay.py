@@ -172,7 +172,7 @@ def _see(camera: _Camera, interval: Interval, *, begins: bool) -> None:
 
 
 def _dispute(camera: _Camera, of: Disagreement, *, begins: bool) -> None:
-    camera.counts.setdefault(of.name, of.count)  # what it was in view for may be too long ago to be read
+    camera.counts.setdefault(of.name, of.count)  # its beginning may be outside the period read
     camera.disagreements.pop(of.name, None)
     if begins:
         camera.disagreements[of.name] = (of.count, of.other_count)

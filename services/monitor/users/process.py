@@ -91,14 +91,14 @@ def _terminal_left_as_it_is() -> Iterator[None]:
     """Have it show again what is typed, also where a signal ends the process and the thread that asks is given up."""
     try:
         before = termios.tcgetattr(sys.stdin)
-    except (termios.error, OSError):  # it is none
+    except (termios.error, OSError):  # standard input is no terminal
         yield
         return
     try:
         yield
     finally:
-        with suppress(termios.error):  # it is gone
-            termios.tcsetattr(sys.stdin, termios.TCSAFLUSH, before)  # half a password is not for the shell
+        with suppress(termios.error):  # the terminal is gone
+            termios.tcsetattr(sys.stdin, termios.TCSAFLUSH, before)  # drops a half-typed password
 
 
 def read_password(ask: Callable[[str], str]) -> str:

@@ -77,7 +77,7 @@ class Web:
 
     async def run(self, monitor: Monitor) -> None:
         """Serve until cancelled."""
-        await aside(partial(import_module, "services.monitor.web.server"))  # a second's work
+        await aside(partial(import_module, "services.monitor.web.server"))  # the import takes a second
         from services.monitor.web.server import serve  # noqa: PLC0415 - 60 MB, for who serves alone
 
         async with asyncio.TaskGroup() as group:

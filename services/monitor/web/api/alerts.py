@@ -36,7 +36,7 @@ def alert_routes(monitor: Monitor) -> APIRouter:
         who = operator_of(request, monitor)
         as_it_is = next((alert for alert in monitor.alerts() if alert.id == alert_id), None)
         if as_it_is is not None and _did(who, state, as_it_is, monitor.acts_of(alert_id)):
-            return answer(as_it_is)  # a program that got no answer asks again
+            return answer(as_it_is)  # a retry by a program that got no response
         return answer(do(alert_id, who))
 
     @router.post("/alerts/{alert_id}/acknowledge")

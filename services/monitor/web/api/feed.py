@@ -64,7 +64,7 @@ class Feed:
         try:
             found = await self._found(topic)
         except HistoryError:
-            return self._items.get(topic)  # as far as anybody knows
+            return self._items.get(topic)  # the last known items
         made = {each[0]: self._item(topic, each) async for each in in_turns(found)}
         self._items[topic] = made
         return made

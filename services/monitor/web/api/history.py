@@ -137,7 +137,7 @@ def _export_settings(history: str, wanted: HistoryQuery, what: str, file: Path) 
     try:
         return ExportSettings(**given)
     except ValidationError as error:
-        reason = error.errors()[0]["msg"].removeprefix("Value error, ").replace("--", "")  # no options here
+        reason = error.errors()[0]["msg"].removeprefix("Value error, ").replace("--", "")  # parameters have no dashes
         raise HTTPException(422, reason) from error
 
 

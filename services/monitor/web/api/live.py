@@ -88,7 +88,7 @@ async def _send(socket: WebSocket, client: Client, feed: Feed, period_s: float) 
         sent_s = time.monotonic()
         news = client.news(*await feed.current(client.topics))
         if news:
-            # waits until the client takes it; what changes meanwhile is sent as it is then
+            # waits until the client takes it; later changes are sent in their newest state
             await socket.send_text(news)
         await asyncio.sleep(max(0.0, sent_s + period_s - time.monotonic()))
 

@@ -77,7 +77,7 @@ def judge(asking: RequestInfo, visitor: Visitor | None, *, by: Kind | None, plac
         return Verdict.MISDIRECTED
     harmless = asking.method in SAFE
     known = visitor is not None and visitor.may_look
-    abusable = known or asking.path in OPEN  # else it is refused anyhow: as a stranger's, whose token may be missing
+    abusable = known or asking.path in OPEN  # else refused below as not logged in: its token may be missing
     if not _is_ours(asking.headers, place.origin, needed=abusable and not harmless and by is not Kind.TOKEN):
         return Verdict.FOREIGN
     if asking.path in OPEN or (place.open_metrics and asking.path == METRICS):

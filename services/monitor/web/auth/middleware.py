@@ -212,7 +212,7 @@ def _asking(scope: Scope) -> RequestInfo:
     headers: dict[str, str] = {}
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
-        between = "; " if name == "cookie" else ", "  # one that is there twice is no longer what it should be
+        between = "; " if name == "cookie" else ", "  # a repeated header becomes one invalid value
         headers[name] = f"{headers[name]}{between}{value}" if name in headers else value
     return RequestInfo(
         scope.get("method", ""), scope["path"], headers, scope.get("query_string", b"").decode("latin-1")

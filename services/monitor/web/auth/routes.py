@@ -60,7 +60,7 @@ def _add_log_in(router: APIRouter, access: Access, cookie: Cookie) -> None:
             secret = await access.log_in(given.get("name", ""), given.get("password", ""), _address(request))
         except AccessError as error:
             return _form(log_in_form(after, str(error)), error)
-        access.log_out(request.cookies.get(cookie.name, ""))  # whoever was logged in here is not any more
+        access.log_out(request.cookies.get(cookie.name, ""))  # ends the browser's earlier session
         return cookie.given(secret, after)
 
     @router.post(LOG_OUT)

@@ -92,7 +92,7 @@ class UserStore:
         async with self._connected() as connection:
             await connection.execute(delete(logins).where(logins.c.until_ns <= now_ns))
             rows = [asdict(login) for login in made]
-            for digest in [*ended, *(row["digest"] for row in rows)]:  # the last write may have been done after all
+            for digest in [*ended, *(row["digest"] for row in rows)]:  # the last write may have succeeded after all
                 await connection.execute(delete(logins).where(logins.c.digest == digest))
             for login in prolonged:
                 later = logins.update().where(logins.c.digest == login.digest)
