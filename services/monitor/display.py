@@ -133,7 +133,7 @@ async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, p
         except OSError as error:
             if not lost:
                 log.warning(
-                    "the fleet cannot be shown, as the output cannot be written; trying again: %s",
+                    "the fleet is not shown until the output is writable: %s",
                     error.strerror or error,
                 )
             lost = True

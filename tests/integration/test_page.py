@@ -130,7 +130,7 @@ async def test_what_was_in_view_is_listed_charted_and_downloaded(site: Site, tmp
         await row.get_by_role("button", name="box").click()
         await expect(page.get_by_text("In view: box, r1/front")).to_be_visible()
         await expect(page.locator(".fs-chart canvas").first).to_be_visible()
-        await expect(page.get_by_text("what two cameras see counts twice")).to_be_hidden()
+        await expect(page.get_by_text("that two cameras see counts twice")).to_be_hidden()
         await page.locator("button.fs-tile", has_text="box").click()
         await expect(page.locator("[data-sighting]")).to_have_count(1)
         async with page.expect_download() as download:
@@ -160,7 +160,7 @@ async def test_what_a_lost_robot_saw_is_not_in_view_now_but_is_not_forgotten(sit
         other = site.fleet.enter(Robot("r7", {"drum": 1}))
         drums = page.locator("button.fs-tile", has_text="drum")
         await expect(drums).to_contain_text("3in 2 views")
-        await expect(page.get_by_text("what two cameras see counts twice")).to_be_visible()
+        await expect(page.get_by_text("that two cameras see counts twice")).to_be_visible()
         await site.fleet.leave(other.key.robot)
         await expect(drums).to_have_text("drum2")
         await site.fleet.leave("r4")

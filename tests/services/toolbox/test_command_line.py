@@ -174,7 +174,10 @@ EXPORT = ["history", "export", "--to", "a.csv", "--history", "sqlite:////nowhere
         ([*EXPORT, "--camera", "*"], "--camera: camera name '*': use 1 to 64 letters"),
         (["rules", "test", "a.yaml", "--since", "0001-01-01"], "--since '0001-01-01': use a year from 1970 to 2261"),
         (["users", "list", "--days", "3"], "list takes no --days; only token does"),
-        (["monitor", "--stale-s", "10", "--lost-s", "5"], "--stale-s 10 is more than --lost-s 5: a camera is stale"),
+        (
+            ["monitor", "--stale-s", "10", "--lost-s", "5"],
+            "--stale-s 10 is more than --lost-s 5; set it to at most --lost-s",
+        ),
         (["monitor", "--refresh-s", "nan"], "--refresh-s 'nan': Input should be a finite number"),
         (["simulate", "--bag", "a.bag", "--ros-master", "http://robot:11311"], "--bag needs no ROS master"),
         (["simulate", "--bag", "a.bag", "--summary"], "--summary counts what is published live"),

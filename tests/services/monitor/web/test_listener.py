@@ -12,7 +12,7 @@ def test_a_port_that_is_taken_is_said() -> None:
         port = listener.getsockname()[1]
         assert url_of(listener, MonitorSettings()) == f"http://127.0.0.1:{port}"
         with pytest.raises(
-            WebError, match=f"--web-host 127.0.0.1 --web-port {port}: Address already in use; another --web-port,"
+            WebError, match=f"--web-host 127.0.0.1 --web-port {port}: Address already in use; set another --web-port,"
         ):
             open_listener(MonitorSettings(web_port=port))
 
