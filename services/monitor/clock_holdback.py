@@ -65,7 +65,7 @@ class ClockHoldback:
         return self._is_dated(waiting[-1].seen.header, waiting[-1].received_ns)
 
     def _taken(self, key: CameraKey) -> list[Arrival]:
-        """Return a camera's lists; where nobody told what the robot's clock shows, as if the newest took no time.
+        """Return a camera's lists; with an unknown clock offset, as if the newest had no transport delay.
 
         One that would be newer, or too old to be true, is left as it came: the robot's clock was set.
         """

@@ -168,7 +168,7 @@ async def _draw(
 async def _print_changes(
     fleet: Fleet, refresh_s: float, every_trouble: Callable[[], list[str]], to: IO[str], *, write: Writer
 ) -> None:
-    """Write a camera's line when its state or what is in view of it changes, and what goes wrong."""
+    """Write a line per camera whose state or view changed, and per problem."""
     shown: dict[CameraKey, tuple[str, str]] = {}
     wrong: set[str] = set()
     silence = Silence(fleet.inventory)

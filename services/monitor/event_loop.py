@@ -88,7 +88,7 @@ FULL_AFTER: Final = 50
 
 
 async def keep_collections_short(size: Callable[[], int], *, period_s: float = PERIOD_S) -> None:
-    """Leave out of collections what is there for good, for ever. size: how much there is, in any unit.
+    """Exclude long-lived objects from garbage collections, until cancelled. size: their number, in any unit.
 
     What is new is left out once in a while as there comes more. What was left out is looked at again after each
     doubling alone, so that little garbage is left out too.

@@ -279,7 +279,7 @@ class Fleet:
         return None if lag_ns is None or lag_ns > MAX_LAG_NS else lag_ns
 
     def _theirs_ns(self, robot: str, ours_ns: int) -> int | None:
-        """Return what the robot's clock shows when ours shows `ours_ns`, or None while that is not known."""
+        """Return the reading of the robot's clock when ours shows `ours_ns`; None if its offset is unknown."""
         status = self.gateways.get(robot)
         if status is None:
             return None

@@ -229,7 +229,7 @@ async def _watch(bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[str, boo
 
 
 def _leave_out(fleet: Fleet, key: str, error: SchemaError | InventoryFullError) -> None:
-    """Count what cannot be taken: one bad message harms no other, and a flood of them does not fill the log."""
+    """Count a rejected message: one bad message harms no other, and a flood of them does not fill the log."""
     malformed = isinstance(error, SchemaError)
     reason = "malformed messages" if malformed else "messages of robots and cameras over the limit"
     fleet.left_out[reason] += 1

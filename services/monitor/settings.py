@@ -52,7 +52,7 @@ def _ns(seconds: float) -> int:
 
 
 def _regular(path: Path) -> Path:
-    """Refuse what is there and is no regular file; whoever reads it says that it is not there."""
+    """Refuse an existing path that is not a regular file; a missing one is reported on reading."""
     if os.path.exists(path) and not os.path.isfile(path):  # noqa: PTH110, PTH113 - these raise nothing
         raise ValueError("not a regular file")
     return path

@@ -219,7 +219,7 @@ def _robots(fleet: Fleet, cameras: Iterable[CameraKey]) -> tuple[str, ...]:
 
 
 def _drops_of(gateway: GatewayStatus | None, camera: str) -> dict[str, int]:
-    """Return what a gateway dropped of a camera's streams; of those that belong to the whole robot if it is empty."""
+    """Return a gateway's drops of a camera's streams; of those of the whole robot if the camera is empty."""
     dropped: dict[str, int] = {}
     for stream in () if gateway is None else gateway.streams:
         if stream.camera == camera:

@@ -170,12 +170,12 @@ class Alerting:
                 self._tell(effect, engine)
 
     def _begin_anew(self) -> None:
-        """Have everything looked at as if nobody had been missed before."""
+        """Re-evaluate everything, as if nothing had been absent before."""
         self._absentees.clear()
         self._look_at_all = True
 
     def _offer_again(self, engine: RuleEngine) -> None:
-        """Have everything looked at if there is room by now for what there was none for."""
+        """Re-evaluate everything if there is room again for subjects that were left out."""
         if time.monotonic() >= self._offered_s + self._offer_s:
             self._offered_s = time.monotonic()
             self._look_at_all = self._look_at_all or engine.has_room_again()

@@ -173,7 +173,7 @@ class Archive:
 
 
 async def _heartbeat_ns(connection: AsyncConnection) -> int:
-    """Return when somebody wrote last."""
+    """Return the time of the last write."""
     return await connection.scalar(select(heartbeat.c.at_ns)) or 0
 
 
@@ -195,7 +195,7 @@ def _ever_earlier(newest_ns: int, since_ns: int) -> Iterator[int]:
 
 
 async def _with_text(connection: AsyncConnection, text: str) -> list[ColumnElement[bool]]:
-    """Return what finds the intervals that have a text in one of their names."""
+    """Return the condition for intervals that have a text in one of their names."""
     if not text:
         return []
     return [await contains(connection, [intervals.c[each] for each in SAID], text)]

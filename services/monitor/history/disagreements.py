@@ -54,7 +54,7 @@ class Disagreements:
             yield
 
     def _note(self, camera: CameraView, now_ns: int) -> None:
-        """Enter what is so of a camera; while nobody speaks for it nothing is."""
+        """Enter a camera's disagreements; none while it has no primary model."""
         found = self._found(camera, now_ns) if self._inventory.speaks(camera, now_ns) else {}
         for name in self._open.get(camera.key, set()) - found.keys():
             self._ledger.end(Disagreement, (camera.key, name), now_ns)

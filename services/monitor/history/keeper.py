@@ -183,7 +183,7 @@ class HistoryKeeper:
             await self._end()
 
     async def _watch(self) -> None:
-        """Note who comes and goes and what models disagree about, whether the database can be had or not."""
+        """Note presence and disagreements, whether the database is available or not."""
         while True:
             now_ns = time.time_ns()
             async for _ in in_turns(chain(self._attendance.note(now_ns), self._disagreements.note(now_ns))):
@@ -191,7 +191,7 @@ class HistoryKeeper:
             await asyncio.sleep(NOTE_S)
 
     async def _attempt(self) -> float:
-        """Write what there is to write; return after how many seconds to do so again."""
+        """Write pending rows; return the seconds until the next attempt."""
         try:
             if self._store is None:
                 # one that was there is waited for: whoever moved it may bring it back, and a new one has no users
@@ -245,7 +245,7 @@ class HistoryKeeper:
             self._inventory.forget(robot)
 
     async def _go_on(self, store: Store) -> None:
-        """Go on where whoever wrote before stopped."""
+        """Continue where the previous writer stopped."""
         await self._upkeep.begin(store)
         gap_ns, heartbeat_ns = self._inventory.limits.lost_ns, await store.heartbeat_ns()
         kept: Kept = await store.load(heartbeat_ns - gap_ns)
@@ -288,7 +288,7 @@ class HistoryKeeper:
             await self._write_poses(store)
 
     def _correct(self, correction: Correction, now_ns: int) -> None:
-        """Correct what is not written yet as it was corrected in the database."""
+        """Correct unwritten rows as those in the database were corrected."""
         of = correction.corrected
         self._inventory.set_back(now_ns)
         self._ledger.correct(of)

@@ -74,7 +74,7 @@ def _of_robots(table: Table, before_ns: int) -> Step:
 
 
 async def _prune_alerts(connection: AsyncConnection, before_ns: int) -> bool:
-    """Forget resolved alerts, and what people did with them."""
+    """Delete resolved alerts, and operators' actions on them."""
     old = (alerts.c.changed_ns < before_ns) & (alerts.c.state == AlertState.RESOLVED)
     last_ns, is_all = await _slice(connection, alerts.c.changed_ns, old, before_ns)
     old &= alerts.c.changed_ns <= last_ns

@@ -324,7 +324,7 @@ class Store:
             await asyncio.to_thread(self._files.check)
 
     def _lock_beside(self, files: OpenFiles) -> bool:
-        """Lock a file beside the database: whoever opens and closes the database itself undoes SQLite's own locks."""
+        """Lock a file beside the database: opening and closing the database itself would release SQLite's own locks."""
         lock = lock_of(files.file)
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:

@@ -16,7 +16,7 @@ MAX_MODELS: Final = 4
 """How many models are followed on one camera, and how many second opinions."""
 
 AFTERMATH_NS: Final = 60 * NS
-"""How long a camera stays contested after its last second opinion has grown old, so that everybody sees that."""
+"""Time for which a camera stays contested after its last second opinion expired, so that all parts notice."""
 
 
 _NAME: Final = attrgetter("name")
@@ -193,7 +193,7 @@ class CameraView:
         return view
 
     def _hand_over(self, old: ModelView | None, new: ModelView) -> list[Change]:
-        """Have another model speak, which goes on with the sightings of the old one; return what changes by that."""
+        """Make another model primary, which continues the old one's sightings; return the changes."""
         self.speaker = new
         before = {} if old is None else {name: tracked for name, tracked in old.classes.items() if tracked.first_ns}
         moved = [

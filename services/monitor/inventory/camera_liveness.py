@@ -55,7 +55,7 @@ class SpeakingCameras:
             self._wait(view, now_ns)
 
     def _due(self, now_ns: int) -> Iterator[CameraView]:
-        """Take out whose time has come, some at once and the rest next time; everybody if the clock was set back."""
+        """Take out the due cameras, in batches; all of them if the clock was set back."""
         was_set_back, self._now_ns = now_ns < self._now_ns, now_ns
         until_ns = MAX_NS if was_set_back else now_ns
         most = len(self._deadlines) if was_set_back else max(AT_ONCE, len(self._deadlines) // PARTS)

@@ -98,7 +98,7 @@ class MjpegStreams:
                 del self._looks[name]
 
     async def _send_frames(self, newest: Newest[ImageFrame], visitor: Visitor, send: Send) -> None:
-        """Send until a part is not taken in time, or whoever looks may not any more."""
+        """Send until a part is not taken in time, or the visitor has lost permission."""
         parts = [START, _body(f"--{BOUNDARY}\r\n".encode() + _part("image/gif", NOTHING))]
         shown = 0
         with suppress(TimeoutError):

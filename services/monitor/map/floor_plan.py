@@ -94,7 +94,7 @@ def _coarser(cells: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
 
 
 def _known(cells: NDArray[np.uint8], resolution: float) -> Iterator[tuple[float, float]]:
-    """Yield the corners around what is not unknown, in metres from the lower left corner, across and up."""
+    """Yield the corners around the known area, in metres from the lower left corner, across and up."""
     rows, columns = (np.flatnonzero((cells != UNKNOWN).any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return

@@ -33,7 +33,7 @@ def add_pages(app: FastAPI, monitor: Monitor) -> None:
 
 
 def _add_views(app: FastAPI, monitor: Monitor) -> None:
-    """Add the pages of what is looked at live, and where browsers get pictures and the floor plan."""
+    """Add the live pages, and the routes of pictures and floor plan."""
     views = Views(monitor.bus, monitor.fleet.inventory.is_forgotten)
     routes = [Route(PATH, MjpegStreams(views.pictures))]
     if monitor.floor_plan is not None:

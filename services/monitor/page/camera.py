@@ -174,7 +174,7 @@ class _Live:
             self._stage.explain(reason, f"The picture is {age_text(age)} old" if age else "")
 
     def _tell_of_frame(self, lists: FrameLists) -> None:
-        """Say what the model counted in the very frame that the picture shows."""
+        """Show the model's counts in the very frame that the picture shows."""
         newest = self._views.pictures.peek(self._stream)
         frame = None if newest is None else newest.message
         self._in_picture.set_visibility(frame is not None)

@@ -101,7 +101,7 @@ class _Wall:
         self._nobody.set_visibility(not survey.size)
 
     async def _alerts(self) -> tuple[Sequence[Alert] | None, str]:
-        """Return the open alerts; else None, and why nobody knows them."""
+        """Return the open alerts; else None, and why they are unknown."""
         try:
             return await self._monitor.current_alerts(), ""
         except HistoryError as error:

@@ -182,7 +182,7 @@ class RuleEngine:
                 self._raise(rule, place, self._subjects[rule.name][place], now_ns)
 
     def _is_known(self, rule: AnyRule, place: Place) -> bool:
-        """Whether what holds somewhere is known to hold now, and not only to have held when that was known last."""
+        """Whether a condition is known to hold now, and not only at its last observation."""
         known = self._subjects[rule.name][place].known
         return known and (isinstance(rule, SilentRule) or place[:2] not in self._unknown)
 
@@ -191,7 +191,7 @@ class RuleEngine:
             self._change(alert, AlertState.ESCALATED, now_ns)
 
     def _escalations(self) -> Iterator[tuple[Alert, int]]:
-        """Yield the alerts that nobody acknowledged yet and when each escalates."""
+        """Yield the unacknowledged alerts and when each escalates."""
         after_s = {rule.name: rule.escalate_after_s for rule in self._book.rules if rule.escalate_after_s is not None}
         for alert, place in self._alerts.values() if after_s else ():
             if alert.state is AlertState.RAISED and alert.rule in after_s:

@@ -114,7 +114,7 @@ def _silent(look: CameraState) -> Finding:
 
 
 def _nearer(rule: NearerRule, look: CameraState) -> Finding:
-    """Return whether it is near; what is not in view, or at no known distance, is not."""
+    """Return whether the object is near; objects out of view, or at an unknown distance, are not."""
     nearest = look.nearest.get(rule.of)
     to_come = not look.complete if look.counts.get(rule.of, 0) else not look.settled
     if nearest is None and to_come:

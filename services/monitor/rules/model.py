@@ -225,7 +225,7 @@ def same_rule(rule: AnyRule, other: AnyRule | None) -> bool:
 
 
 def _mistake(rule: int, field: str, reason: str) -> PydanticCustomError:
-    """Return an error of the whole file whose context says which rule's field is wrong."""
+    """Return an error of the whole file whose context names the rule's field."""
     return PydanticCustomError("across_rules", "{reason}", {"reason": reason, "place": ("rules", rule, field)})
 
 

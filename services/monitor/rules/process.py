@@ -61,7 +61,7 @@ async def _past(store: Store, since_ns: int) -> Timeline:
 
 
 def _untold(book: RuleBook, past: Timeline, since_ns: int) -> Iterator[str]:
-    """Say for what part of history nobody kept who was there."""
+    """Yield a note about the part of the history that has no recorded presence."""
     tried = any(isinstance(rule, SilentRule | DisagreeRule) for rule in book.rules)
     if tried and max(since_ns, past.first_ns) < past.told_ns:
         when = "not tried:" if past.told_ns == FOREVER_NS else f"tried from {_moment(past.told_ns)} on: before,"

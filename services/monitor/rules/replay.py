@@ -131,7 +131,7 @@ def _until(engine: RuleEngine, now_ns: int, at_ns: int) -> Iterator[Effect]:
 
 
 def _look(engine: RuleEngine, steps: Iterable[Step], memory: _Memory, at_ns: int, *, told: bool) -> None:
-    """Look at whom the steps are about. told: it is known who was there."""
+    """Evaluate the subjects of the steps. told: presence is known."""
     for key in {key for step in steps for key in _cameras(step, memory)}:
         of = memory.cameras[key]
         speaks = of.speaks is not False or not told
@@ -179,7 +179,7 @@ def _dispute(camera: _Camera, of: Disagreement, *, begins: bool) -> None:
 
 
 def _changes(steps: Iterable[Step], memory: _Memory) -> Iterator[Change]:
-    """Yield what came and went: an interval that begins where one of the same class ends is another count of it."""
+    """Yield appearances and disappearances: an interval that follows one of the same class only changes the count."""
     some = [(step, step.of) for step in steps if isinstance(step.of, Interval) and (step.begins or not step.unseen)]
     ended = {of.place for step, of in some if not step.begins}
     began = {of.place for step, of in some if step.begins}

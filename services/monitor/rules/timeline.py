@@ -133,7 +133,7 @@ class Timeline:
                     yield Step(lost_ns or each.until_ns, each, unseen=lost_ns is not None)
 
     def _known(self) -> Iterator[Step]:
-        """Yield who came and went, and what models disagreed about when."""
+        """Yield the changes of presence, and of disagreements."""
         for each in chain(self.presences, self.disagreements):
             if each.place == MONITOR:
                 continue

@@ -88,7 +88,7 @@ async def _hashed() -> str:
 
 @contextmanager
 def _terminal_left_as_it_is() -> Iterator[None]:
-    """Have it show again what is typed, also where a signal ends the process and the thread that asks is given up."""
+    """Restore the terminal's echo, also if a signal ends the process and the asking thread is abandoned."""
     try:
         before = termios.tcgetattr(sys.stdin)
     except (termios.error, OSError):  # standard input is no terminal

@@ -62,6 +62,6 @@ def _place(alert: Alert) -> tuple[str, ...]:
 
 
 def _did(who: str, state: AlertState, alert: Alert, acts: Iterable[Act]) -> bool:
-    """Whether somebody did something with an alert since it is as it is."""
+    """Whether a user's action led to the alert's current state."""
     mine = (act for act in acts if (act.who, act.state) == (who, state))
     return alert.state is state and any(act.at_ns >= alert.changed_ns for act in mine)

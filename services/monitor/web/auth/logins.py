@@ -36,7 +36,7 @@ END_S: Final = 1.0
 """Seconds allowed for the last write."""
 
 PROLONG_SHARE: Final = 0.1
-"""Of a session's time, that must have passed before its end is moved."""
+"""Share of a session's time after which its end is moved."""
 
 
 class AccessError(Exception):

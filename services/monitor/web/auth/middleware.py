@@ -109,7 +109,7 @@ class AccessMiddleware:
             await self.app(scope, _bounded(receive, limit, self._body_s), send)
 
     def _known(self, headers: Mapping[str, str]) -> tuple[Visitor | None, Kind | None]:
-        """Return who sends a request and what they are known by; a token, where there is one, counts alone."""
+        """Return a request's sender and kind of credential; if there is a token, only it counts."""
         given = headers.get("authorization", "")
         if given:
             token = given[len(BEARER) :].strip() if given[: len(BEARER)].lower() == BEARER else ""
@@ -181,7 +181,7 @@ class _Watched:
 
 
 def _bounded(receive: Receive, limit: int, within_s: float) -> Receive:
-    """Return what receives a request's body, of so many bytes and seconds at most, and then its end."""
+    """Return a `receive` for a request's body, limited in bytes and seconds, that then reports its end."""
     left, until_s = limit, asyncio.get_running_loop().time() + within_s
     whole = False
 

@@ -91,7 +91,7 @@ MAX_OF_ADDRESS: Final = 30
 
 MAX_KEYS: Final = 10_000
 MAX_NAME: Final = 64
-"""Characters of a name that are remembered: it is anybody's."""
+"""Characters of a name that are remembered: names are arbitrary."""
 
 
 class FailureLimit:

@@ -102,7 +102,7 @@ class UserStore:
             await connection.commit()
 
     async def _users(self, connection: AsyncConnection) -> tuple[list[User], set[str]]:
-        """Return the users that are known here, and about the others what is to be warned of."""
+        """Return the users with known roles, and warnings about the others."""
         rows = (await connection.execute(users.select().order_by(users.c.name).limit(MAX_USERS))).all()
         others = [row for row in rows if _member(Role, row.role) is None]
         self.left_out = {row.name for row in others}
