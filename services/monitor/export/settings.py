@@ -56,7 +56,7 @@ class ExportSettings(BaseModel):
 
     task: Annotated[Literal["export", "trust-clock", "compact"], Field(description="what to do")]
     to: Annotated[Path | None, Field(description="file to write, .csv or .parquet; required for export")] = None
-    history: Annotated[HistoryUrl, Field(description="database that the monitor keeps")] = Field(
+    history: Annotated[HistoryUrl, Field(description="history database of the monitor")] = Field(
         default_factory=default_url
     )
     what: Annotated[Literal["sightings", "alerts"], Field(description="what to export")] = "sightings"

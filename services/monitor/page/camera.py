@@ -95,7 +95,7 @@ class _Live:
             ui.label(str(self._key)).classes("fs-title")
             ui.element("div").classes("fs-spring")
             ui.toggle(KINDS, value=self._stream.stream.value, on_change=lambda event: self._choose(event.value)).props(
-                'dense unelevated no-caps toggle-text-color=on-accent role=group aria-label="What is drawn"'
+                'dense unelevated no-caps toggle-text-color=on-accent role=group aria-label="Overlay"'
             ).classes("fs-toggle")
             with ui.link(target=f"/objects/{self._key}").classes("fs-link"):
                 ui.label("In 3D")

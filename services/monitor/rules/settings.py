@@ -17,7 +17,7 @@ class RulesSettings(BaseModel):
 
     task: Annotated[Literal["test"], Field(description="what to do")]
     file: Annotated[RegularFile, Field(description="the rule file")]
-    history: Annotated[HistoryUrl, Field(description="database that the monitor keeps")] = Field(
+    history: Annotated[HistoryUrl, Field(description="history database of the monitor")] = Field(
         default_factory=default_url
     )
     since: Annotated[Moment | None, Field(description="skip what ended before this time (2026-11-20T06:00)")] = None

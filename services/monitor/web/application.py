@@ -67,7 +67,7 @@ class Token(SecurityBase):
     """Documents the token in the description of every call that depends on it."""
 
     def __init__(self) -> None:
-        self.model = HTTPBearer(description="What `fleetsight users token NAME` prints.")
+        self.model = HTTPBearer(description="Output of `fleetsight users token NAME`.")
         self.scheme_name = "token"
 
     async def __call__(self) -> None:
@@ -78,7 +78,7 @@ ERRORS: Final[dict[int | str, dict[str, Any]]] = {"4XX": {"model": ErrorAnswer},
 
 HERE: Final = frozenset({"localhost", "127.0.0.1", "::1", "[::1]"})
 
-ABOUT: Final = """What the fleet sees. Log in with a token, `Authorization: Bearer ...`; `fleetsight users token NAME`
+ABOUT: Final = """Objects in view. Log in with a token, `Authorization: Bearer ...`; `fleetsight users token NAME`
 makes one. Operators may do everything, viewers only read. Errors are `{"error": "one line"}`. The same
 data as it changes: WebSocket `/api/v1/live`."""
 
