@@ -1,1 +1,1 @@
-"""The fleet monitor: the central subscriber to what every robot sees."""
+"""The fleet monitor: the central subscriber to class lists, distances and status of all robots."""

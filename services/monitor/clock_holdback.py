@@ -1,4 +1,4 @@
-"""Class lists of which it is not known yet when their frames were taken. Pure.
+"""Holds back class lists until the clock of their robot is known. Pure.
 
 What was published while the monitor was away comes all at once, and before robots have said what their clocks show.
 Taken for what is in view on arrival, it would file an hour's coming and going under one moment.
@@ -14,10 +14,10 @@ from services.monitor.fleet import MAX_LAG_NS
 from services.monitor.inventory.sighting import NS
 
 PATIENCE_NS: Final = 2 * NS
-"""How long a robot's clock is waited for."""
+"""Maximum wait for a robot's clock."""
 
 MOST_WAITING: Final = 100_000
-"""Lists that wait, of all cameras; a camera whose next one has no room waits no longer."""
+"""Maximum number of lists held back for all cameras; at the limit a camera's lists are released."""
 
 
 class Arrival(NamedTuple):
@@ -29,7 +29,7 @@ class Arrival(NamedTuple):
 
 
 class ClockHoldback:
-    """Has kept lists wait for their robot's clock, and those that come after them.
+    """Holds back kept lists until their robot's clock is known, together with the lists that follow them.
 
     is_dated: whether it is known how old something of a frame was that arrived at a time (epoch, nanoseconds).
     """
@@ -40,9 +40,9 @@ class ClockHoldback:
         self._count = 0
 
     def arrive(self, arrival: Arrival, *, kept: bool) -> list[Arrival]:
-        """Take a list; return those that are to be taken in now, in order. kept: it may have been sent long before."""
+        """Take a list; return the lists to process now, in order. kept: it may have been sent long before."""
         header = arrival.seen.header
-        if not self._waiting and not kept:  # nearly always
+        if not self._waiting and not kept:  # the usual case
             return [arrival]
         key = camera_key(header.robot, header.camera)
         if key not in self._waiting and (not kept or self._is_dated(header, arrival.received_ns)):
@@ -52,7 +52,7 @@ class ClockHoldback:
         return self._taken(key) if self._count > MOST_WAITING else []
 
     def due(self, now_ns: int) -> Iterator[list[Arrival]]:
-        """Yield the lists of each camera that need not wait any more at `now_ns` (epoch), in order.
+        """Yield the lists of each camera that need not wait any longer at `now_ns` (epoch), in order.
 
         Others may arrive meanwhile, once those that were yielded are taken in.
         """
@@ -65,7 +65,7 @@ class ClockHoldback:
         return self._is_dated(waiting[-1].seen.header, waiting[-1].received_ns)
 
     def _taken(self, key: CameraKey) -> list[Arrival]:
-        """Return a camera's lists; where nobody told what the robot's clock shows, as if the newest took no time.
+        """Return a camera's lists; with an unknown clock offset, as if the newest had no transport delay.
 
         One that would be newer, or too old to be true, is left as it came: the robot's clock was set.
         """

@@ -1,4 +1,4 @@
-"""How far the robots' clocks are ahead of ours, as their gateways' readings say. Pure."""
+"""Offsets of the robots' clocks, from readings of their gateways. Pure."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -8,13 +8,13 @@ from bus.clocks import MAX_DRIFT, ClockOffset, Exchange
 from schemas.clock import ClockReading
 
 PERIOD_S: Final = 10.0
-"""How often each robot's clock is asked for."""
+"""Seconds between two readings of a robot's clock."""
 
 MAX_UNCERTAINTY_NS: Final = 100_000_000
-"""An offset that is known less well says nothing about ages, which are shown to a tenth of a second."""
+"""Offsets with a larger uncertainty are useless for ages, which are shown to a tenth of a second."""
 
 REMEMBERED_S: Final = MAX_UNCERTAINTY_NS / 1e9 / MAX_DRIFT
-"""How long an offset can be known well enough without being asked for again."""
+"""Seconds for which an offset stays accurate enough without a new reading."""
 
 
 @dataclass(slots=True)
@@ -25,13 +25,13 @@ class _Clock:
 
 
 class Clocks:
-    """The clocks of the robots that are online, or were not long ago, by robot."""
+    """Clock offsets by robot, of those online or online until recently."""
 
     def __init__(self) -> None:
         self._clocks: dict[str, _Clock] = {}
 
     def due(self, robots: Iterable[str], now_s: float) -> list[str]:
-        """Return which of the robots online are to be asked now, PERIOD_S after the last time.
+        """Return the online robots whose clock is to be read now, PERIOD_S after the last reading.
 
         One that went is remembered while its offset is known, so that what it sent in the meantime can be dated.
         """
@@ -47,7 +47,7 @@ class Clocks:
         return asked
 
     def take(self, robot: str, reading: ClockReading, *, asked_ns: int, answered_ns: int) -> None:
-        """Take a reading that was asked for and answered at these times of our clock."""
+        """Take a reading with the times of our clock at its request and response."""
         clock = self._clocks.get(robot)
         if clock is None:
             return
@@ -56,7 +56,7 @@ class Clocks:
         clock.offset.add(Exchange(asked_ns, reading.received_ns, reading.sent_ns, answered_ns))
 
     def theirs_ns(self, robot: str, clock_id: str, ours_ns: int) -> int | None:
-        """Return what a robot's clock of that name shows when ours shows `ours_ns`; None while that is not known."""
+        """Return the reading of a robot's clock when ours shows `ours_ns`; None if its offset is unknown."""
         clock = self._clocks.get(robot)
         offset = clock.offset.at(ours_ns) if clock is not None and clock.clock_id == clock_id else None
         if offset is None or offset.uncertainty_ns > MAX_UNCERTAINTY_NS:

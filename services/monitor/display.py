@@ -1,4 +1,4 @@
-"""The live picture: a table on a terminal, changed lines anywhere else.
+"""The terminal display: a live table on a terminal, changed lines elsewhere.
 
 Whoever reads it may stop reading: it is written aside, and what changed meanwhile is in the next picture. Where it
 cannot be written, as on a full disk, the monitor goes on without it.
@@ -31,7 +31,7 @@ STYLES: Final = {"online": "green", "silent": "yellow", "offline": "bold red"}
 
 
 def render(rows: Iterable[Row], notes: Sequence[str], more: int) -> Table:
-    """Draw rows, and how many are left; stale ones grey out, a lost robot stays."""
+    """Render rows, and how many are left out; stale ones are grey, a lost robot stays."""
     rest = [f"and {more} more cameras"] if more else []
     table = Table(title="fleet", title_justify="left", caption="\n".join([*rest, *notes]), caption_justify="left")
     for heading, justify in (
@@ -59,7 +59,7 @@ def render(rows: Iterable[Row], notes: Sequence[str], more: int) -> Table:
 
 
 def notes_of(left_out: Mapping[str, int]) -> list[str]:
-    """Return a note about what the monitor could not take, if there was any."""
+    """Return a note about messages that were left out, if any."""
     listed = ", ".join(f"{count} {what}" for what, count in sorted(left_out.items()))
     return [f"left out: {listed}"] if listed else []
 
@@ -70,14 +70,14 @@ def line(row: Row, state: str) -> str:
 
 
 def classes(row: Row) -> str:
-    """Return what is in view, in words that a terminal may show: a model's names are whatever its maker called them."""
+    """Return the classes in view as text that is safe on a terminal: model class names are arbitrary."""
     if row.classes is None:
         return "waiting for class lists"
     return ", ".join(f"{seen.count} {printable(seen.name)}" for seen in row.classes) or "nothing"
 
 
 def age(value: Age | None) -> str:
-    """Return an age in seconds; '>' where only a lower bound is known."""
+    """Return an age in seconds, with '>' where only a lower bound is known."""
     if value is None:
         return "-"
     return f"{'' if value.exact else '> '}{value.seconds:.1f} s"
@@ -86,26 +86,26 @@ def age(value: Age | None) -> str:
 log = logging.getLogger(__name__)
 
 FRAME_LINES: Final = 8
-"""Lines of the picture beside the rows: title, head, rules and notes."""
+"""Lines of the table that are not rows: title, head, rules and notes."""
 
 MAX_LINES: Final = 50
-"""Lines of changed cameras, and of problems, written at a time: thousands a second would help nobody."""
+"""Maximum number of lines for changed cameras, or problems, per update."""
 
 FAREWELL_S: Final = 0.5
-"""How long a terminal may take to be left as it was."""
+"""Seconds allowed for restoring the terminal."""
 
 AGAIN_S: Final = 10.0
-"""How long after the picture could not be written it is tried again."""
+"""Seconds before a failed write is retried."""
 
 Problems = Callable[[], Sequence[str]]
-"""Says what keeps the monitor itself from doing all that it should."""
+"""Returns the monitor's own problems."""
 
 Writer = Callable[[Callable[[], object]], Awaitable[None]]
-"""Does what writes, beside the event loop."""
+"""Runs a blocking write beside the event loop."""
 
 
 async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, problems: Problems = lambda: ()) -> None:
-    """Show the fleet until cancelled. What cannot be written is logged once, and all of it is shown as soon as it can.
+    """Show the fleet until cancelled. A failed write is logged once; everything is shown once it succeeds again.
 
     Raises:
         BrokenPipeError: whoever read it has read enough.
@@ -132,7 +132,10 @@ async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, p
             raise
         except OSError as error:
             if not lost:
-                log.warning("the fleet is not shown until it can be written: %s", error.strerror or error)
+                log.warning(
+                    "the fleet is not shown until the output is writable: %s",
+                    error.strerror or error,
+                )
             lost = True
         await asyncio.sleep(AGAIN_S)
 
@@ -165,7 +168,7 @@ async def _draw(
 async def _print_changes(
     fleet: Fleet, refresh_s: float, every_trouble: Callable[[], list[str]], to: IO[str], *, write: Writer
 ) -> None:
-    """Write a camera's line when its state or what is in view of it changes, and what goes wrong."""
+    """Write a line per camera whose state or view changed, and per problem."""
     shown: dict[CameraKey, tuple[str, str]] = {}
     wrong: set[str] = set()
     silence = Silence(fleet.inventory)
@@ -196,7 +199,7 @@ async def _print_changes(
 
 
 class Silence:
-    """Which cameras have fallen silent: they are there, and nobody has said for a while what is in view of them."""
+    """Finds silent cameras: they are online, but no class lists arrive."""
 
     def __init__(self, inventory: Inventory) -> None:
         self._inventory = inventory
@@ -204,7 +207,7 @@ class Silence:
         self._silent: set[CameraKey] = set()
 
     def advance(self, now_ns: int) -> list[CameraKey]:
-        """Return the cameras that fell silent, or speak again, by `now_ns`."""
+        """Return the cameras that fell silent or resumed by `now_ns`."""
         turned = self._speaking.advance(now_ns)
         for camera in turned:
             speaks = self._inventory.speaks(camera, now_ns)
@@ -212,7 +215,7 @@ class Silence:
         return [camera.key for camera in turned]
 
     def state_of(self, row: Row) -> str:
-        """Return a camera's state in a word; one that was never heard waits, and is not silent."""
+        """Return a camera's state in one word; a camera without any class list yet is waiting, not silent."""
         if not row.online:
             return "offline"
         return "silent" if row.key in self._silent else "online"

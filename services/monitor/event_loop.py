@@ -1,4 +1,4 @@
-"""Keeping the event loop free: long work in steps, blocking work on daemon threads, garbage collection in parts."""
+"""Keeps the event loop responsive: cooperative yielding, blocking work on daemon threads, short collections."""
 
 import asyncio
 import contextlib
@@ -9,24 +9,24 @@ from collections.abc import AsyncIterable, AsyncIterator, Callable, Coroutine, I
 from typing import Final, TypeVar
 
 AT_ONCE: Final = 100
-"""Arrivals until other things get their turn."""
+"""Arrivals handled before other tasks get a turn."""
 
 TURN_S: Final = 0.003
-"""How long something may go on until everybody else gets their turn: questions wait for several of them."""
+"""Seconds of work before other tasks get a turn: requests wait for several turns."""
 
 PAUSE_S: Final = 0.001
-"""A moment in which the event loop does nothing: other threads, such as the bus's, get the interpreter at once then."""
+"""Seconds for which the loop sleeps, so that other threads, such as the bus's, get the interpreter at once."""
 
 T = TypeVar("T")
 
 
 async def pause() -> None:
-    """Let everybody else have their turn."""
+    """Let other tasks and threads run."""
     await asyncio.sleep(PAUSE_S)
 
 
 async def in_turns(items: Iterable[T]) -> AsyncIterator[T]:
-    """Yield items; whatever else waits, on the event loop or on other threads, gets its turn after each `TURN_S`."""
+    """Yield items; other tasks and threads run after each `TURN_S`."""
     began_s = time.perf_counter()
     for item in items:
         yield item
@@ -36,7 +36,7 @@ async def in_turns(items: Iterable[T]) -> AsyncIterator[T]:
 
 
 async def arrivals_in_turns(arrivals: AsyncIterable[T]) -> AsyncIterator[T]:
-    """Yield what arrives; where much waits already, others get their turn: nothing is waited for then."""
+    """Yield arrivals; under load other tasks get regular turns, as nothing is awaited then."""
     number = 0
     async for arrival in arrivals:
         yield arrival
@@ -46,7 +46,7 @@ async def arrivals_in_turns(arrivals: AsyncIterable[T]) -> AsyncIterator[T]:
 
 
 async def aside(act: Callable[[], object]) -> None:
-    """Do something on a thread of its own, which is left behind, and keeps no process alive, if this is cancelled."""
+    """Run a function on its own daemon thread, which is abandoned on cancellation and never keeps the process alive."""
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()
 
@@ -88,7 +88,7 @@ FULL_AFTER: Final = 50
 
 
 async def keep_collections_short(size: Callable[[], int], *, period_s: float = PERIOD_S) -> None:
-    """Leave out of collections what is there for good, for ever. size: how much there is, in any unit.
+    """Exclude long-lived objects from garbage collections, until cancelled. size: their number, in any unit.
 
     What is new is left out once in a while as there comes more. What was left out is looked at again after each
     doubling alone, so that little garbage is left out too.
@@ -116,7 +116,7 @@ async def keep_collections_short(size: Callable[[], int], *, period_s: float = P
 
 
 async def uninterrupted(work: Coroutine[None, None, float]) -> float:
-    """Await work to its end, however often cancelled: a statement that is broken off may leave its database locked."""
+    """Await work to its end despite cancellation: an aborted statement may leave its database locked."""
     task = asyncio.ensure_future(work)
     cancelled: asyncio.CancelledError | None = None
     while not task.done():

@@ -1,4 +1,4 @@
-"""How the fleet is doing and what it sees: pure state that messages, presence and time move on. Pure."""
+"""The state of the fleet, driven by messages, presence and time. Pure."""
 
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -30,18 +30,18 @@ LATE_FOR_NS: Final = 10 * NS
 comes at once. It is over when none came for as long."""
 
 MAX_LAG_NS: Final = 3_600 * NS
-"""A list that says it is older says nothing: its gateway's clock was set, or it tells no time at all."""
+"""Larger lags are ignored: the gateway's clock was set, or is wrong."""
 
 
 class Age(msgspec.Struct, frozen=True, gc=False):
-    """How old a view is; a lower bound, without the way here, while nobody knows how far the robot's clock is off."""
+    """The age of a view; only a lower bound, without transport delay, while the robot's clock offset is unknown."""
 
     seconds: float
     exact: bool
 
 
 class Row(msgspec.Struct, frozen=True, gc=False):
-    """One camera as an operator reads it. Fields are None until there are class lists.
+    """One camera as shown to an operator. Fields are None before the first class list.
 
     classes: what is in view, or was last, as the inventory has settled it, by name. stale_s: how old what it shows may
     be.
@@ -56,12 +56,12 @@ class Row(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def stale(self) -> bool:
-        """Whether what the row shows may no longer be so."""
+        """Whether the row may be outdated."""
         return not self.online or self.age is None or self.age.seconds > self.stale_s
 
     @property
     def state(self) -> str:
-        """How the camera is: offline, silent or online. One that was never heard waits, and is not silent."""
+        """The state of the camera: offline, silent or online. A camera without any class list yet is not silent."""
         if not self.online:
             return "offline"
         return "silent" if self.stale and self.age is not None else "online"
@@ -85,7 +85,7 @@ UNHEARD: Final = _Camera()
 
 
 class Fleet:
-    """Every robot and camera ever seen, what is in view of it and how it is doing.
+    """All robots and cameras ever seen, their views and their health.
 
     clock_id: the clock of this machine; a robot's ages are exact when it reads the same one, or when `clocks` knows how
     far it is off. Every method that may add a member raises InventoryFullError when there are too many already.
@@ -123,18 +123,18 @@ class Fleet:
         self._changed.add(key)
 
     def gateway_status(self, status: GatewayStatus, received_ns: int) -> None:
-        """Keep a gateway's newest account of itself, which arrived at `received_ns` (epoch)."""
+        """Keep the newest status of a gateway, received at `received_ns` (epoch)."""
         make_room(self.gateways, status.robot)
         self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
         self._namesakes.take(status.robot, status.boot_id)
 
     def worker_status(self, status: WorkerStatus, received_ns: int) -> None:
-        """Keep a worker's newest account of itself, which arrived at `received_ns` (epoch)."""
+        """Keep the newest status of a worker, received at `received_ns` (epoch)."""
         name = (status.service, status.worker)
         if name not in self.workers:
             self._forget_workers(received_ns)
         make_room(self.workers, name)
-        self.worker_heard_ns.pop(name, None)  # in order: who was heard of longest ago comes first
+        self.worker_heard_ns.pop(name, None)  # keeps the order: the longest silent first
         self.workers[name], self.worker_heard_ns[name] = status, received_ns
         self.inventory.worker_reports(*name, status.classes)
 
@@ -188,11 +188,11 @@ class Fleet:
             self._late[key.robot].pop(key, None)
 
     def opine(self, seen: ClassList, received_ns: int) -> bool:
-        """Take a second opinion that arrived at `received_ns`; return False if it says nothing, see `Inventory`."""
+        """Take a second opinion received at `received_ns`; return False if it is ignored, see `Inventory`."""
         return self.inventory.opine(seen, received_ns - (self._lag_ns(seen.header, received_ns) or 0))
 
     def measure(self, distances: Distances, received_ns: int) -> bool:
-        """Take distances that arrived at `received_ns`; return False for a double."""
+        """Take distances received at `received_ns`; return False for a duplicate."""
         at_ns = received_ns - (self._lag_ns(distances.header, received_ns) or 0)
         if not self.inventory.measure(distances, at_ns):
             return False
@@ -200,18 +200,18 @@ class Fleet:
         return True
 
     def tick(self, now_ns: int) -> list[Change]:
-        """Let time pass; return what is not known any more."""
+        """Advance time; return the sightings that became unknown."""
         self.places.tick(now_ns)
         return self.inventory.tick(now_ns)
 
     def age_of(self, header: Header, arrived_ns: int, now_ns: int) -> Age:
-        """Return how old at `now_ns` what a frame shows is, of which something arrived at `arrived_ns`."""
+        """Return the age at `now_ns` of a frame, of which a message arrived at `arrived_ns`."""
         theirs_ns = self._theirs_ns(header.robot, now_ns)
         age_ns = now_ns - arrived_ns if theirs_ns is None else theirs_ns - header.received_ns
         return Age(max(0, age_ns) / 1e9, exact=theirs_ns is not None)
 
     def problems_of(self, robot: str) -> Iterator[str]:
-        """Yield what is wrong with a robot's gateway, as far as that is known."""
+        """Yield the known problems of a robot's gateway."""
         if self._namesakes.has(robot):
             yield NAMESAKES
         if (status := self.gateways.get(robot)) is not None:
@@ -222,24 +222,24 @@ class Fleet:
             yield THIN_LINK
 
     def online(self) -> Iterator[GatewayStatus]:
-        """Yield the newest account of every gateway online."""
+        """Yield the newest status of every gateway online."""
         yield from (self.gateways[robot] for robot in self.inventory.robots() & self.gateways.keys())
 
     def elsewhere(self) -> Iterator[str]:
-        """Yield the robots online whose clock is not this machine's."""
+        """Yield the online robots whose clock is not this machine's."""
         yield from (status.robot for status in self.online() if status.clock_id != self._clock_id)
 
     @property
     def cameras(self) -> int:
-        """How many cameras there are or were; those of forgotten robots are none."""
+        """The number of cameras ever seen, without those of forgotten robots."""
         return len(self.inventory.in_order())
 
     def rows(self, now_s: float) -> Iterator[Row]:
-        """Yield every camera, by robot and name; also those that were heard before a restart alone."""
+        """Yield every camera, by robot and name; also those known only from before a restart."""
         return (self.row(key, now_s) for key in cameras_in_order(self.inventory.in_order()))
 
     def take_changed(self, now_s: float) -> Iterator[Row]:
-        """Yield the cameras, by robot and name, that came, went or counted something else since this was asked last."""
+        """Yield the cameras, by robot and name, that came, went or changed counts since the last call."""
         changed, self._changed = self._changed, set()
         return (self.row(key, now_s) for key in sorted(changed, key=natural_camera))
 
@@ -256,7 +256,7 @@ class Fleet:
         )
 
     def lists_per_robot(self) -> Counter[str]:
-        """Count the class lists that arrived from each known robot."""
+        """Count the class lists received from each known robot."""
         counts = Counter(dict.fromkeys(self.inventory.robots(), 0))
         for key, camera in self._cameras.items():
             counts[key.robot] += camera.lists
@@ -269,7 +269,7 @@ class Fleet:
         return camera
 
     def is_dated(self, header: Header, received_ns: int) -> bool:
-        """Whether it is known how old a frame was when something of it arrived."""
+        """Whether the age of a frame was known when its message arrived."""
         return self._theirs_ns(header.robot, received_ns) is not None
 
     def _lag_ns(self, header: Header, received_ns: int) -> int | None:
@@ -279,7 +279,7 @@ class Fleet:
         return None if lag_ns is None or lag_ns > MAX_LAG_NS else lag_ns
 
     def _theirs_ns(self, robot: str, ours_ns: int) -> int | None:
-        """Return what the robot's clock shows when ours shows `ours_ns`, or None while that is not known."""
+        """Return the reading of the robot's clock when ours shows `ours_ns`; None if its offset is unknown."""
         status = self.gateways.get(robot)
         if status is None:
             return None

@@ -1,4 +1,4 @@
-"""Problems of gateways: two of them under one robot's name, and what keeps one from going on. Pure."""
+"""Problems of gateways: duplicate gateways of one robot, and reported problems of streams. Pure."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
@@ -8,21 +8,21 @@ from schemas.status import GatewayStatus
 from services.monitor.formats import natural
 
 MOST_PROCESSES: Final = 16
-"""How many gateways' processes are remembered of a robot."""
+"""Maximum number of gateway processes remembered per robot."""
 
 KNOWN_ACCOUNTS: Final = 5
-"""After how many accounts of which none shows that there are several it is over; each gateway has one every second."""
+"""Status messages without a sign of a duplicate after which it counts as gone; each gateway sends one a second."""
 
 
 class DuplicateGateways:
-    """Hears from which process each account of a robot's gateway comes: one that was restarted never comes back."""
+    """Tracks gateway processes by robot: a process that was replaced by a restart never returns."""
 
     def __init__(self) -> None:
         self._processes: dict[str, tuple[str, ...]] = {}
         self._known: dict[str, int] = {}
 
     def take(self, robot: str, boot_id: str) -> None:
-        """Note an account that arrived."""
+        """Note the process of a status message."""
         processes = self._processes.get(robot, ())
         if boot_id in processes[1:]:
             self._known[robot] = KNOWN_ACCOUNTS
@@ -35,31 +35,31 @@ class DuplicateGateways:
             self._processes[robot] = (boot_id, *others)[:MOST_PROCESSES]
 
     def has(self, robot: str) -> bool:
-        """Return whether more than one gateway ran under a robot's name lately."""
+        """Return whether a robot recently had more than one gateway."""
         return robot in self._known
 
 
 MAX_SHOWN: Final = 5
 
-NAMESAKES: Final = "has more than one gateway under its name, whose frames get mixed up: end one, or name it otherwise"
+NAMESAKES: Final = "has more than one gateway under its name, so their frames are mixed up: stop or rename one"
 
-THIN_LINK: Final = "has class lists that come more than 2 s late; a thin link needs --uplink-mbit"
-"""Of all cameras of a robot together: their link is one, and a line that changes is logged again."""
+THIN_LINK: Final = "has class lists that arrive more than 2 s late; on a slow link, set --uplink-mbit"
+"""Combines all cameras of a robot: they share one link, and a line that changes is logged again."""
 
 
 def troubles(problems: Mapping[str, Iterable[str]]) -> list[str]:
-    """Return a line for each thing that is wrong with a robot."""
+    """Return a line for each problem of each robot."""
     return [printable(f"{robot} {problem}") for robot in sorted(problems, key=natural) for problem in problems[robot]]
 
 
 def shortened(lines: Sequence[str], most: int = MAX_SHOWN) -> list[str]:
-    """Return no more lines than that, and one that counts the rest."""
+    """Return at most `most` lines, plus one that counts the rest."""
     rest = len(lines) - most
     return [*lines[:most], *([f"and {rest} more problem{'s' if rest > 1 else ''}"] if rest > 0 else [])]
 
 
 def problems_of(gateway: GatewayStatus) -> Iterator[str]:
-    """Yield what a gateway waits for, and what is wrong with a stream of it, in its own words."""
+    """Yield the missing dependency and the stream problems of a gateway, in its own words."""
     if gateway.waiting_for:
         yield f"waits for {gateway.waiting_for}"
     for stream in gateway.streams:

@@ -1,4 +1,4 @@
-"""How names are ordered and figures are rounded wherever the monitor shows or exports them. Pure."""
+"""Order of names and rounding of figures wherever the monitor shows or exports them. Pure."""
 
 import re
 from collections.abc import Iterable
@@ -10,27 +10,27 @@ from schemas.keys import CameraKey
 T = TypeVar("T")
 
 DIGITS: Final = 3
-"""Behind the point: millimetres, milliseconds and thousandths, beyond which nothing here is known."""
+"""Digits after the decimal point: millimetres, milliseconds and thousandths, the precision of all data here."""
 
 
 def rounded(value: T) -> T:
-    """Return a figure with no more than DIGITS behind its point; what is no float stays as it is."""
+    """Return a float rounded to DIGITS digits after the point; other values unchanged."""
     return round(value, DIGITS) if isinstance(value, float) else value  # type: ignore[return-value]
 
 
 @lru_cache(maxsize=50_000)
 def natural(name: str) -> tuple[tuple[int, str], ...]:
-    """Return what a name is sorted by."""
+    """Return the natural sort key of a name."""
     return tuple((int(digits or -1), text.casefold()) for digits, text in re.findall(r"(\d{1,18})|(\D+)", name))
 
 
 def natural_camera(key: CameraKey) -> tuple[tuple[tuple[int, str], ...], ...]:
-    """Return what a camera is sorted by."""
+    """Return the natural sort key of a camera."""
     return natural(key.robot), natural(key.camera)
 
 
 def cameras_in_order(keys: Iterable[CameraKey]) -> tuple[CameraKey, ...]:
-    """Return cameras by robot and name; those of a fleet are the same for hours."""
+    """Return cameras by robot and name; cached, as a fleet's cameras rarely change."""
     return _in_order(tuple(keys))
 
 

@@ -1,4 +1,4 @@
-"""Whether the monitor can hear the fleet: its link, and a message of its own that has to come back."""
+"""Whether the monitor hears the fleet: its link, and a heartbeat that it sends to itself."""
 
 import asyncio
 import time
@@ -12,14 +12,14 @@ from services.monitor.inventory.inventory import SETTLE_NS
 from services.monitor.inventory.sighting import NS
 
 PULSE_S: Final = 1.0
-"""How often the monitor sends itself a message."""
+"""Seconds between two heartbeats."""
 
 GAP_S: Final = 1.0
-"""By how much later than that everybody is gone a monitor may notice that its link is."""
+"""Maximum delay, in seconds, between the fleet's disappearance and the detection of a lost link."""
 
 
 class Heartbeat:
-    """Follows what the monitor hears. Seconds are of the steady clock.
+    """Tracks whether the monitor hears the fleet. Seconds are of the steady clock.
 
     heard: when the monitor heard a message of its own last, None while it knows that it cannot hear the fleet.
     lease_s: after how long a link counts as lost: as much later than the monitor's own others may notice theirs.
@@ -37,7 +37,7 @@ class Heartbeat:
         self.settled = True
 
     def advance(self, now_s: float) -> bool:
-        """Let time pass; return whether the monitor became deaf, hears again or has settled.
+        """Advance time; return whether the monitor became deaf, hears again or has settled.
 
         It is deaf too while its own message is late: it was held up, and so may have been who heard nothing of it.
         """
@@ -53,11 +53,11 @@ class Heartbeat:
 
 
 STALLED_S: Final = 10.0
-"""After how long without its own message the monitor counts as deaf."""
+"""Seconds without its own heartbeat after which the monitor counts as deaf."""
 
 
 class Health:
-    """Knows why the mesh is dead. hub: others link to it, so that it may hear them without a link of its own."""
+    """Explains why the fleet cannot be heard. hub: others link to this monitor, so that it needs no link of its own."""
 
     def __init__(self, bus: Bus, *, hub: bool = False) -> None:
         self._bus = bus
@@ -70,15 +70,15 @@ class Health:
         return self._bus.link_problem or self._stalled()
 
     def heard_s(self) -> float | None:
-        """Return when a message of its own came last, on the steady clock; None while the fleet cannot be heard."""
+        """Return when the last own heartbeat arrived (steady clock); None while the fleet cannot be heard."""
         return None if self._stalled() or (self._bus.link_problem and not self._hub) else self._heard_s
 
     def _stalled(self) -> str:
         silent_s = time.monotonic() - self._heard_s
-        return f"the bus has brought nothing for {silent_s:.0f} s" if silent_s > STALLED_S else ""
+        return f"nothing has arrived on the bus for {silent_s:.0f} s" if silent_s > STALLED_S else ""
 
     async def run(self) -> None:
-        """Send and listen, for ever."""
+        """Send and receive heartbeats until cancelled."""
         key = keys.monitor_pulse(uuid4().hex)
         async with (
             self._bus.subscribe(key, LATEST) as subscription,

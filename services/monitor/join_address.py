@@ -1,4 +1,4 @@
-"""The address at which robots and workers join: one that works from where they are, as far as this machine knows."""
+"""The address at which robots and workers join: one that others can reach, as far as this machine knows."""
 
 import fcntl
 import socket
@@ -25,7 +25,7 @@ ALSO_ELSEWHERE: Final = "That is this machine alone. For others, start the monit
 
 
 def endpoints_to_join(settings: MonitorSettings) -> list[str]:
-    """Return the Zenoh endpoints that robots and workers may connect to, those that others reach first."""
+    """Return the Zenoh endpoints for robots and workers to connect to, the most widely reachable first."""
     if settings.advertise is not None:
         return [settings.advertise]
     own = [_reachable(endpoint) for endpoint in settings.listen if port_of(endpoint) != "0"]
@@ -33,18 +33,18 @@ def endpoints_to_join(settings: MonitorSettings) -> list[str]:
 
 
 def endpoint_to_join(settings: MonitorSettings) -> str:
-    """Return the endpoint that people are told to connect to."""
+    """Return the endpoint to show to people for connecting."""
     return next(iter(endpoints_to_join(settings)), UNKNOWN)
 
 
 def is_here_alone(endpoint: str) -> bool:
-    """Whether an endpoint is this machine's own for itself, so that no other one gets to it."""
+    """Whether an endpoint is reachable from this machine only."""
     host = host_of(endpoint)
     return host == "localhost" or (not is_name(host) and ip_address(host).is_loopback)
 
 
 def how_to_join(settings: MonitorSettings) -> str:
-    """Say in one line how others join, for a terminal."""
+    """Return one line for the terminal that says how others join."""
     if settings.listen or settings.advertise is not None:
         return f"gateways and detectors join with --connect {endpoint_to_join(settings)}"
     return f"connects to {', '.join(settings.connect) or 'whom scouting finds'}"

@@ -1,4 +1,4 @@
-"""The monitor as its page and its API see it: what they read, and what people may do."""
+"""The monitor as its page and API see it: the data they read and the actions they offer."""
 
 import logging
 import time
@@ -29,23 +29,23 @@ from services.monitor.snapshot import FleetView, Snapshot, SnapshotMaker, Worker
 log = logging.getLogger(__name__)
 
 MAX_AGE_S: Final = 0.5
-"""How old a snapshot may be; so many people may look as want to."""
+"""Maximum age of a shared snapshot, in seconds; it limits the load of many viewers."""
 
 REMARKS_AGE_S: Final = 10.0
-"""How old remarks about the rules in force may be: of patterns that fit nobody each takes a look at all robots."""
+"""Maximum age of remarks about rules, in seconds: each unmatched pattern is compared with all robots."""
 
 MAX_READ_AGE_S: Final = 2.0
-"""How old what another monitor wrote may be."""
+"""Maximum age, in seconds, of data read from another monitor's history."""
 
 MAX_ALERTS: Final = 10_000
 MAX_REMARKS: Final = 20
-"""How many remarks about rules are made."""
+"""Maximum number of remarks about rules."""
 
 NOT_RESOLVED: Final = tuple(state for state in AlertState if state is not AlertState.RESOLVED)
 
 
 class UnknownRobotError(Exception):
-    """Nobody ever heard of a robot, or it was forgotten."""
+    """The robot is unknown or was forgotten."""
 
 
 class RobotThereError(Exception):
@@ -54,7 +54,7 @@ class RobotThereError(Exception):
 
 @dataclass(slots=True, eq=False)
 class Monitor:
-    """Everything a running monitor has. floor_plan: what the map is drawn on. started_ns: when it began, epoch.
+    """Everything in a running monitor. floor_plan: the map's background. started_ns: its start, epoch.
 
     What is made of the whole fleet (`snapshot`, `inventory`) is made at most every MAX_AGE_S, whoever asks.
     """
@@ -81,30 +81,30 @@ class Monitor:
         self._others = CachedValue(self._read_alerts, MAX_READ_AGE_S)
 
     def glance(self) -> FleetView:
-        """Return the fleet as it is now, for who wants some of it."""
+        """Return the current fleet, from which parts are made on demand."""
         return FleetView(self.fleet, self.workers(), time.time_ns(), time.monotonic())
 
     def workers(self) -> Workers:
-        """Return the workers as they are now, or were at most MAX_AGE_S ago."""
+        """Return the workers as of at most MAX_AGE_S ago."""
         now_s = time.monotonic()
         if self._workers is None or now_s - self._workers[0] > MAX_AGE_S:
             self._workers = now_s, Workers(self.fleet, time.time_ns())
         return self._workers[1]
 
     async def snapshot(self) -> Snapshot:
-        """Return all robots, cameras and workers: of thousands, tenths of a second's work."""
+        """Return all robots, cameras and workers; for thousands this takes tenths of a second."""
         return await self._snapshot.get()
 
     async def inventory(self) -> tuple[Entry, ...]:
-        """Return what is or was in view of every camera, by robot, camera and class."""
+        """Return the sightings of every camera, by robot, camera and class."""
         return await self._inventory.get()
 
     def alerts(self) -> list[Alert]:
-        """Return the alerts that are not resolved; none where another monitor raises them."""
+        """Return the unresolved alerts; empty if another monitor raises them."""
         return self.alerting.alerts()
 
     async def current_alerts(self) -> Sequence[Alert]:
-        """Return the alerts that are not resolved; where another monitor raises them, those that it wrote down.
+        """Return the unresolved alerts; if another monitor raises them, from the history.
 
         Raises:
             HistoryError: they cannot be read.
@@ -112,27 +112,27 @@ class Monitor:
         return self.alerts() if self.history.status.leads else await self._others.get()
 
     def acts_of(self, alert_id: str) -> tuple[Act, ...]:
-        """Return what people did with an alert that is not resolved, in order."""
+        """Return operators' actions on an unresolved alert, in order."""
         return self.history.acts.of(alert_id)
 
     def known_until_ns(self, alert: Alert) -> int | None:
-        """Return until when it was known what an alert says; None while it is, see `doubt`."""
+        """Return when an alert's condition was last confirmed; None if it is current, see `doubt`."""
         return known_until_ns(alert, self.fleet.inventory, time.time_ns())
 
     def acknowledge(self, alert_id: str, by: str) -> Alert:
-        """Note that somebody looks after an alert; raises UnknownAlertError. by: a user's name."""
+        """Acknowledge an alert; raises UnknownAlertError. by: a user's name."""
         return self._noted(self.alerting.acknowledge(alert_id), by)
 
     def escalate(self, alert_id: str, by: str) -> Alert:
-        """Have others look after an alert; raises UnknownAlertError. by: a user's name."""
+        """Escalate an alert; raises UnknownAlertError. by: a user's name."""
         return self._noted(self.alerting.escalate(alert_id), by)
 
     def resolve(self, alert_id: str, by: str) -> Alert:
-        """Close an alert; raises UnknownAlertError. by: a user's name."""
+        """Resolve an alert; raises UnknownAlertError. by: a user's name."""
         return self._noted(self.alerting.resolve(alert_id), by)
 
     def forget(self, robot: str, by: str) -> None:
-        """Take a robot whose gateway is gone off every list until that is back, and resolve its alerts.
+        """Take an offline robot off every list until its gateway is back, and resolve its alerts.
 
         by: a user's name.
 
@@ -148,22 +148,22 @@ class Monitor:
             self.resolve(alert.id, by)
         self.fleet.inventory.forget(robot)
         self.history.forget(robot)
-        log.info("%s had %s forgotten", by, robot)
+        log.info("%s removed robot %s from the fleet", by, robot)
 
     def trust_clock(self, by: str) -> None:
-        """Take that the clock of this machine is right. by: a user's name."""
+        """Trust this machine's clock. by: a user's name."""
         self.history.trust_clock()
         log.info("%s says that the clock of this machine is right", by)
 
     def problems(self) -> list[str]:
-        """Say what keeps the monitor itself from doing all that it should."""
+        """Return the monitor's own problems, in lines."""
         status = self.history.status
         not_kept = status.problem and f"history is not being kept: {status.problem}"
         found = (not_kept, *status.warnings, self.rules.problem, self.bus.links.problem)
         return [*(problem for problem in found if problem), *self.alerting.problems()]
 
     def rule_remarks(self) -> list[str]:
-        """Say which classes and robots the rules name that there are none of, or were none of lately."""
+        """Return remarks about classes and robots in the rules that do not exist, or did not recently."""
         now_s, book = time.monotonic(), self.rules.book
         if self._remarks is None or self._remarks[1] is not book or now_s - self._remarks[0] > REMARKS_AGE_S:
             self._remarks = now_s, book, self._make_remarks(book)

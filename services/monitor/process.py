@@ -1,4 +1,4 @@
-"""The monitor process: everything the fleet says about itself into one picture."""
+"""The monitor process: subscribes to everything about the fleet and runs all parts of the monitor."""
 
 import asyncio
 import logging
@@ -40,20 +40,20 @@ from services.monitor.web.process import Web
 log = logging.getLogger(__name__)
 
 DEPTH = 10_000
-"""Messages that wait, of one kind."""
+"""Queue length, in messages, of each kind."""
 
 LISTS_DEPTH = 200_000
-"""Class lists that wait: those that thousands of robots kept while a link was cut come at once."""
+"""Queue length of class lists: those kept by thousands of robots during a cut arrive at once."""
 
 TICK_S = 1.0
 
 
 OnChanges = Callable[[Sequence[Change]], None]
-"""Is told what changed in the inventory."""
+"""Called with changes of the inventory."""
 
 
 async def run(settings: MonitorSettings) -> None:
-    """Show the fleet, keep its history and raise alerts until cancelled.
+    """Show the fleet, write its history and raise alerts until cancelled.
 
     Raises:
         RuleFileError: the rule file cannot be used.
@@ -90,7 +90,7 @@ async def _check_users() -> None:
 
 @asynccontextmanager
 async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIterator[Monitor]:
-    """Watch the fleet, keep its history and raise alerts until leaving.
+    """Watch the fleet, write its history and raise alerts within the context.
 
     Raises:
         RuleFileError: the rule file cannot be used.
@@ -136,7 +136,7 @@ async def watch_fleet(
     measured: Callable[[CameraKey], None] = _nobody,
     problems: Problems = tuple,
 ) -> None:
-    """Keep `fleet` up to date with what is on the bus, and answer for its inventory, for ever.
+    """Keep `fleet` up to date from the bus, and answer inventory requests, until cancelled.
 
     measured: is told of each camera whose distances came. problems: what programs are told beside the inventory.
     """
@@ -205,7 +205,7 @@ async def _receive(
                     take(sample)
                 except (SchemaError, InventoryFullError) as error:
                     _leave_out(fleet, sample.key, error)
-            await asyncio.sleep(0)  # where more waits already, nothing else would have its turn
+            await asyncio.sleep(0)  # lets other tasks run while more messages wait
         counting.cancel()
 
 
@@ -229,9 +229,9 @@ async def _watch(bus: Bus, fleet: Fleet, key_expr: str, take: Callable[[str, boo
 
 
 def _leave_out(fleet: Fleet, key: str, error: SchemaError | InventoryFullError) -> None:
-    """Count what cannot be taken: one bad message harms no other, and a flood of them does not fill the log."""
+    """Count a rejected message: one bad message harms no other, and a flood of them does not fill the log."""
     malformed = isinstance(error, SchemaError)
-    reason = "malformed messages" if malformed else "messages of more members than are followed"
+    reason = "malformed messages" if malformed else "messages of robots and cameras over the limit"
     fleet.left_out[reason] += 1
     if fleet.left_out[reason].bit_count() == 1:
         log.warning("%s: left out: %s (%d %s so far)", key, error, fleet.left_out[reason], reason)

@@ -1,4 +1,4 @@
-"""What is made at most every so often, once for all who ask."""
+"""Cached values, made once for all who ask within a time."""
 
 import asyncio
 import time
@@ -9,7 +9,7 @@ T = TypeVar("T")
 
 
 class CachedValue(Generic[T]):
-    """Something that takes a while to make: whoever asks gets what is no older than `max_age_s`, or waits for it.
+    """A value that takes a while to make: callers get one no older than `max_age_s`, or wait for it.
 
     share: of the time, that making it may take. What takes less is made anew sooner than after `max_age_s`.
     """
@@ -24,7 +24,7 @@ class CachedValue(Generic[T]):
         self._making = asyncio.Lock()
 
     async def get(self) -> T:
-        """Return it; what making it raises goes to all who waited meanwhile, so that none waits for two attempts."""
+        """Return the value; an error in making it goes to all who waited meanwhile, so that nobody waits twice."""
         asked_s = time.monotonic()
         async with self._making:
             if self._failed is not None and asked_s <= self._failed[0]:

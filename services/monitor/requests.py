@@ -1,4 +1,4 @@
-"""Requests between the monitor and others: inventory queries that it answers, and robots' clocks that it asks for."""
+"""Requests on the bus: answers inventory queries, and reads robots' clocks."""
 
 import asyncio
 import logging
@@ -24,7 +24,7 @@ WAITING: Final = 64
 
 
 def answer_inventory(bus: Bus, fleet: Fleet, problems: Problems) -> AbstractAsyncContextManager[None]:
-    """Answer until leaving."""
+    """Answer inventory queries within the context."""
 
     async def answer(request: Request) -> Reply:
         try:
@@ -42,7 +42,7 @@ def answer_inventory(bus: Bus, fleet: Fleet, problems: Problems) -> AbstractAsyn
 
 
 async def answer_to(asked: InventoryRequest, fleet: Fleet, problems: Sequence[str], now_ns: int) -> InventoryAnswer:
-    """Return what was asked for; others get their turn meanwhile."""
+    """Return the answer to a query; other tasks run meanwhile."""
     entries = fleet.inventory.entries(now_ns, robot=asked.robot, camera=asked.camera, name=asked.name)
     found = (entry for entry in entries if entry.sighting.count or not asked.in_view)
     sightings = [_sighting(entry) async for entry in in_turns(islice(found, MAX_SIGHTINGS))]
@@ -78,11 +78,11 @@ log = logging.getLogger(__name__)
 LOOK_S: Final = 1.0
 TIMEOUT_S: Final = 2.0
 AT_ONCE: Final = 64
-"""How many robots are asked at the same time."""
+"""Number of robots asked concurrently."""
 
 
 async def measure_clocks(bus: Bus, fleet: Fleet) -> None:
-    """Keep the fleet's clocks up to date, for ever."""
+    """Keep the fleet's clock offsets up to date until cancelled."""
     room = asyncio.Semaphore(AT_ONCE)
     while True:
         async with asyncio.TaskGroup() as group:

@@ -1,4 +1,4 @@
-"""Settings of the monitor: its page and API, the inventory, the alerts, and the files that they name."""
+"""Settings of the monitor: page and API, inventory, alerts and the files they use."""
 
 import os
 from pathlib import Path
@@ -17,27 +17,31 @@ Seconds = Annotated[float, Field(ge=0, le=3600)]
 
 
 class InventorySettings(BaseModel):
-    """When what cameras see is believed."""
+    """Settings of the inventory: debouncing and time limits."""
 
-    heading: ClassVar = "what counts as seen"
+    heading: ClassVar = "when objects count as seen"
 
-    appear_lists: Annotated[Lists, Field(description="class lists in a row before a class, or more of it, counts")] = 2
-    appear_s: Annotated[Seconds, Field(description="and for how many seconds")] = 0.0
-    vanish_lists: Annotated[Lists, Field(description="class lists in a row without a class before it is gone")] = 2
-    vanish_s: Annotated[Seconds, Field(description="and for how many seconds")] = 1.0
+    appear_lists: Annotated[
+        Lists, Field(description="consecutive lists that must show more of a class before its count rises")
+    ] = 2
+    appear_s: Annotated[Seconds, Field(description="seconds for which they must do so")] = 0.0
+    vanish_lists: Annotated[
+        Lists, Field(description="consecutive lists that must show less before its count falls")
+    ] = 2
+    vanish_s: Annotated[Seconds, Field(description="seconds for which they must do so")] = 1.0
     stale_s: Annotated[float, Field(gt=0, le=3600, description="seconds without a list before a camera is stale")] = 3.0
     lost_s: Annotated[
-        float, Field(gt=0, le=86400, description="seconds without a list before what was in view is not known any more")
+        float, Field(gt=0, le=86400, description="seconds without a list before a camera's view is unknown")
     ] = 60.0
 
     @model_validator(mode="after")
     def _stale_before_lost(self) -> Self:
         if self.stale_s > self.lost_s:
-            raise ValueError(f"stale_s {self.stale_s:g} is more than lost_s {self.lost_s:g}: a camera is stale first")
+            raise ValueError(f"stale_s {self.stale_s:g} is more than lost_s {self.lost_s:g}; set it to at most lost_s")
         return self
 
     def limits(self) -> TrustLimits:
-        """Return them as the inventory takes them."""
+        """Return the limits in the inventory's form."""
         debounce = Debounce(self.appear_lists, _ns(self.appear_s), self.vanish_lists, _ns(self.vanish_s))
         return TrustLimits(debounce, stale_ns=_ns(self.stale_s), lost_ns=_ns(self.lost_s))
 
@@ -47,9 +51,9 @@ def _ns(seconds: float) -> int:
 
 
 def _regular(path: Path) -> Path:
-    """Refuse what is there and is no regular file; whoever reads it says that it is not there."""
+    """Refuse an existing path that is not a regular file; a missing one is reported on reading."""
     if os.path.exists(path) and not os.path.isfile(path):  # noqa: PTH110, PTH113 - these raise nothing
-        raise ValueError("no regular file")
+        raise ValueError("not a regular file")
     return path
 
 
@@ -57,7 +61,7 @@ RegularFile = Annotated[Path, AfterValidator(_regular)]
 
 
 class AlertingSettings(BaseModel):
-    """Which rules make alerts."""
+    """Settings of alerting."""
 
     heading: ClassVar = "alerts"
 
@@ -65,39 +69,41 @@ class AlertingSettings(BaseModel):
 
 
 class WebSettings(BaseModel):
-    """Where the page is, and for how long somebody is logged in."""
+    """Settings of the page and the HTTP API."""
 
     heading: ClassVar = "page and HTTP API"
 
     web: bool = Field(default=True, description="serve the page and the HTTP API")
     web_host: str = Field(
-        default="127.0.0.1", min_length=1, description="address to serve them at; 0.0.0.0 is all of this machine's"
+        default="127.0.0.1",
+        min_length=1,
+        description="address to listen on; 0.0.0.0 means all addresses of this machine",
     )
-    web_port: int = Field(default=8080, ge=0, le=65535, description="port to serve them at; 0 takes a free one")
+    web_port: int = Field(default=8080, ge=0, le=65535, description="port to listen on; 0 picks a free one")
     web_url: HttpUrl | None = Field(
-        default=None, description="address that people use if a proxy is before it, like https://fleet.example"
+        default=None, description="address that browsers use if a proxy is in front, like https://fleet.example"
     )
     floor_plan: RegularFile | None = Field(
-        default=None, description="floor plan to draw the map on: the YAML file of a map as ROS's map_server has it"
+        default=None, description="floor plan to draw the map on: YAML file of a map in the format of ROS's map_server"
     )
     web_session_hours: float = Field(
-        default=168, gt=0, le=8_760, description="hours after which somebody who did nothing is logged out"
+        default=168, gt=0, le=8_760, description="hours of inactivity after which a user is logged out"
     )
-    web_connections: int = Field(default=1_000, ge=10, le=100_000, description="connections at the same time, at most")
-    web_open_metrics: bool = Field(default=False, description="let anybody read /metrics, without a token")
+    web_connections: int = Field(
+        default=1_000, ge=10, le=100_000, description="maximum number of simultaneous connections"
+    )
+    web_open_metrics: bool = Field(default=False, description="let anyone read /metrics without a token")
 
     @field_validator("web_url")
     @classmethod
     def _is_a_whole_host(cls, url: HttpUrl | None) -> HttpUrl | None:
         if url is not None and (url.path not in (None, "/") or url.query is not None or url.fragment is not None):
-            raise ValueError(
-                "the page is at the root of its host: nothing may follow that, as in https://fleet.example"
-            )
+            raise ValueError("the page must be at the root of its host; remove the path, as in https://fleet.example")
         return url
 
 
 class MonitorSettings(WebSettings, AlertingSettings, InventorySettings, HistorySettings, BusSettings):
-    """Show what every robot of the fleet sees. The Zenoh router that the fleet connects to is part of it by default."""
+    """Show the objects seen by every robot of the fleet. It includes the fleet's Zenoh router by default."""
 
     mode: Annotated[
         Literal["router", "peer", "client"],
@@ -109,16 +115,16 @@ class MonitorSettings(WebSettings, AlertingSettings, InventorySettings, HistoryS
     ] = ["tcp/127.0.0.1:7447"]
     advertise: Annotated[
         Endpoint | None,
-        Field(description="endpoint that people are told to connect to, if it is not one of this machine's own"),
+        Field(description="endpoint to show to others for connecting, if not an address of this machine"),
     ] = None
-    refresh_s: Annotated[float, Field(ge=0.1, le=60, description="seconds between two pictures of the table")] = 0.5
+    refresh_s: Annotated[float, Field(ge=0.1, le=60, description="seconds between updates of the table")] = 0.5
 
     @field_validator("advertise")
     @classmethod
     def _can_be_connected_to(cls, endpoint: str | None) -> str | None:
         host = "" if endpoint is None else host_of(endpoint)
         if endpoint is not None and (port_of(endpoint) == "0" or is_unspecified(host)):
-            raise ValueError(f"{endpoint!r} is no address to connect to; write it like tcp/192.168.0.1:7447")
+            raise ValueError(f"{endpoint!r} is not an address to connect to; write it like tcp/192.168.0.1:7447")
         return endpoint
 
     @model_validator(mode="before")

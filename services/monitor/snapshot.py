@@ -1,4 +1,4 @@
-"""The fleet at one moment, as the page and the API show it, and whether what an alert says is known then. Pure."""
+"""The fleet at one moment for page and API, and whether alerts' conditions are current. Pure."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -34,7 +34,7 @@ class CameraLine(msgspec.Struct, frozen=True, gc=False):
 
 @dataclass(frozen=True, slots=True)
 class RobotLine:
-    """One robot. last_ns: when anything came from it last, epoch, our clock; 0 if nothing ever did.
+    """One robot. last_ns: its newest message, epoch, our clock; 0 if there was none.
 
     gateway: its newest account of itself, however old. problems: what is wrong, in words. cameras: names.
     age_s: of the newest class list among its cameras, None before the first. rate_hz: class lists of all of them.
@@ -54,7 +54,7 @@ class RobotLine:
 
 @dataclass(frozen=True, slots=True)
 class WorkerLine:
-    """One worker. last_ns: when its newest status came. online: it has said something in the last seconds."""
+    """One worker. last_ns: arrival of its newest status. online: it reported in the last seconds."""
 
     status: WorkerStatus
     online: bool
@@ -67,13 +67,13 @@ class WorkerLine:
 
     @property
     def serves(self) -> tuple[CameraLoad, ...]:
-        """What became of the cameras that it looks after now."""
+        """Frame counts of the cameras that it serves now."""
         return tuple(load for load in self.status.cameras if load.serving) if self.online else ()
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Everything at `now_ns`, robots, cameras and workers by name."""
+    """All robots, cameras and workers at `now_ns`, by name."""
 
     now_ns: int
     robots: tuple[RobotLine, ...]
@@ -82,11 +82,11 @@ class Snapshot:
 
 
 SILENT_NS: Final = 3 * NS
-"""After how long without a word a worker counts as gone: it has one every second."""
+"""Silence after which a worker counts as offline: workers report every second."""
 
 
 class Workers:
-    """Every worker as it said last how it is, by name, and what became of each camera's frames there."""
+    """The newest status of every worker, by name, and each camera's frame counts there."""
 
     def __init__(self, fleet: Fleet, now_ns: int) -> None:
         self.lines = tuple(
@@ -100,20 +100,20 @@ class Workers:
                 self._loads[load.robot, load.camera].append((line, load))
 
     def loads(self, key: CameraKey) -> Sequence[tuple[WorkerLine, CameraLoad]]:
-        """Return what became of a camera's frames at each worker that had any."""
+        """Return a camera's frame counts at each worker that received any."""
         return self._loads.get((key.robot, key.camera), ())
 
     def of(self, service: str) -> list[WorkerStatus]:
-        """Return what the workers of a service say that are there now."""
+        """Return the status of a service's online workers."""
         return [line.status for line in self.lines if line.online and line.status.service == service]
 
     def serving(self, key: CameraKey) -> tuple[str, ...]:
-        """Return the workers that look after a camera now, as service/worker."""
+        """Return the workers that serve a camera now, as service/worker."""
         return tuple(line.name for line, load in self.loads(key) if load.serving and line.online)
 
 
 class FleetView:
-    """The fleet at `now_ns` (epoch), which is `now_s` on a steady clock. What is made later shows what came later.
+    """The fleet at `now_ns` (epoch), `now_s` on a steady clock. Parts made later show later messages.
 
     robots: all that were ever heard of and not forgotten, by name. cameras: theirs, by robot and name.
     """
@@ -129,11 +129,11 @@ class FleetView:
         return of_robot(self.cameras, robot)
 
     def row(self, key: CameraKey) -> Row:
-        """Return a camera as an operator reads it."""
+        """Return a camera as shown to an operator."""
         return self.fleet.row(key, self._now_s)
 
     def last_ns(self, robot: str, cameras: Iterable[CameraKey]) -> int:
-        """Return when anything came from a robot last; 0 if nothing ever did. cameras: all that it has."""
+        """Return the time of a robot's newest message; 0 if there was none. cameras: all of the robot's."""
         newest = self.fleet.heard_ns.get(robot) or self.fleet.inventory.recalled().get(robot, 0)
         for key in cameras:
             view = self.fleet.inventory.camera(key)
@@ -142,7 +142,7 @@ class FleetView:
         return newest
 
     def drops(self, robot: str, cameras: Iterable[CameraKey]) -> int:
-        """Return how many of a robot's frames were dropped anywhere. cameras: all that it has."""
+        """Return a robot's dropped frames at all places. cameras: all of the robot's."""
         count = sum(sum(load.dropped.values()) for key in cameras for _, load in self.workers.loads(key))
         gateway = self.fleet.gateways.get(robot)
         if gateway is not None:
@@ -150,11 +150,11 @@ class FleetView:
         return count
 
     def camera(self, key: CameraKey) -> CameraLine:
-        """Return all that is shown of a camera."""
+        """Return the full data of a camera."""
         return self.camera_of(self.row(key))
 
     def camera_of(self, row: Row) -> CameraLine:
-        """Return all that is shown of a camera whose row is made already."""
+        """Return the full data of a camera whose row exists already."""
         key = row.key
         dropped = _drops_of(self.fleet.gateways.get(key.robot), key.camera)
         for worker, load in self.workers.loads(key):
@@ -163,11 +163,11 @@ class FleetView:
         return CameraLine(row, 0 if view is None else view.last_ns, dropped, self.workers.serving(key))
 
     def robot(self, name: str) -> RobotLine:
-        """Return all that is shown of a robot."""
+        """Return the full data of a robot."""
         return self.robot_of(name, [self.camera(key) for key in self.cameras_of(name)])
 
     def robot_of(self, name: str, cameras: Sequence[CameraLine]) -> RobotLine:
-        """Return all that is shown of a robot, whose cameras are made already."""
+        """Return the full data of a robot whose cameras exist already."""
         gateway = self.fleet.gateways.get(name)
         dropped = _drops_of(gateway, "")
         if gateway is not None:
@@ -190,7 +190,7 @@ class FleetView:
 
 
 class SnapshotMaker:
-    """Makes a snapshot of everything step by step, so that others get their turn in between."""
+    """Makes a snapshot step by step, so that other tasks run in between."""
 
     def __init__(self, glance: FleetView) -> None:
         self._glance = glance
@@ -206,7 +206,7 @@ class SnapshotMaker:
             yield
 
     def snapshot(self) -> Snapshot:
-        """Return it, once all steps are done."""
+        """Return the snapshot, once all steps are done."""
         return Snapshot(self._glance.now_ns, tuple(self._robots), tuple(self._cameras), self._glance.workers.lines)
 
 
@@ -219,7 +219,7 @@ def _robots(fleet: Fleet, cameras: Iterable[CameraKey]) -> tuple[str, ...]:
 
 
 def _drops_of(gateway: GatewayStatus | None, camera: str) -> dict[str, int]:
-    """Return what a gateway dropped of a camera's streams; of those that belong to the whole robot if it is empty."""
+    """Return a gateway's drops of a camera's streams; of those of the whole robot if the camera is empty."""
     dropped: dict[str, int] = {}
     for stream in () if gateway is None else gateway.streams:
         if stream.camera == camera:
@@ -235,11 +235,11 @@ def _add(dropped: dict[str, int], where: str, more: Mapping[str, int]) -> None:
 
 
 def known_until_ns(alert: Alert, inventory: Inventory, now_ns: int) -> int | None:
-    """Return until when it was known what an alert says; None while it is, of silence itself, and of what is over.
+    """Return when the condition was last confirmed; None if it is current, resolved, or a silence alert.
 
     That is when its camera was heard last, or when it was raised where nobody remembers that.
     """
-    if alert.state is AlertState.RESOLVED or not alert.name:  # only silence is of no class
+    if alert.state is AlertState.RESOLVED or not alert.name:  # only silence alerts have no class
         return None
     view = inventory.camera(CameraKey(alert.robot, alert.camera))
     if view is None:

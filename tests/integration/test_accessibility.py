@@ -115,7 +115,7 @@ async def test_nothing_on_any_page_keeps_anybody_out(site: Site, tmp_path: Path,
 async def test_nothing_keeps_anybody_from_logging_in(site: Site, tmp_path: Path, scheme: Scheme) -> None:
     forms = (
         log_in_form("/"),
-        log_in_form("/", "this name and password do not go together"),
+        log_in_form("/", "wrong name or password"),
         set_up_form("secret"),
         link_needed(),
         notice("There is no such page", "The monitor has nothing at /nowhere."),

@@ -41,12 +41,12 @@ PAGES = {
 }
 EMPTY = {
     "/": ("No robot has joined yet", "fleetsight gateway --robot r1 --connect"),
-    "/inventory": ("Nothing was seen yet", "fleetsight detector --connect"),
+    "/inventory": ("Nothing has been seen yet", "fleetsight detector --connect"),
     "/alerts": ("No open alerts", "--rules rules.yaml"),
-    "/health": ("No worker has said anything yet", "fleetsight"),
+    "/health": ("No worker has reported yet", "fleetsight"),
     "/map": ("No position is known yet", "fleetsight distance --connect"),
-    "/cameras/r1/front": ("No camera r1/front has been heard of", "fleetsight gateway --robot r1"),
-    "/objects/r1/front": ("No camera r1/front has been heard of", "fleetsight gateway --robot r1"),
+    "/cameras/r1/front": ("No camera r1/front is known", "fleetsight gateway --robot r1"),
+    "/objects/r1/front": ("No camera r1/front is known", "fleetsight gateway --robot r1"),
 }
 
 
@@ -125,10 +125,10 @@ async def test_the_fleet_says_how_often_how_old_and_how_much_was_dropped(site: S
 async def test_a_picture_that_does_not_come_for_long_is_a_case_for_health(
     site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(why_no_picture, "PATIENCE_S", 1.0)
+    monkeypatch.setattr(why_no_picture, "FIRST_FRAME_TIMEOUT_S", 1.0)
     async with looking(site.browser, site.at, tmp_path, size="phone") as looker:
         page = await looker.go("/cameras/r1/front")
-        said = "Look at Health: is there a detector that serves r1/front and does not drop its images?"
+        said = "Check in Health that a detector serves r1/front without dropping its images"
         await expect(page.locator(".fs-reason")).to_contain_text(said)
         await looker.picture("camera-waits-phone-light")
 

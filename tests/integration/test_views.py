@@ -205,7 +205,7 @@ async def test_robots_are_on_the_map_at_once_where_what_they_saw_says_they_are(s
 async def test_what_is_not_there_says_what_to_do(site: Site, tmp_path: Path) -> None:
     async with looking(site.browser, site.at, tmp_path) as looker:
         page = await looker.go("/cameras/r9/front")
-        await expect(page.get_by_text("No camera r9/front has been heard of")).to_be_visible()
+        await expect(page.get_by_text("No camera r9/front is known")).to_be_visible()
         await looker.go("/objects/r9/ros")
         await expect(page.get_by_text("camera name 'ros' is reserved")).to_be_visible()
         async with robot_on(site.bus, "r2"):

@@ -113,7 +113,7 @@ async def test_what_is_wrong_with_the_monitor_itself_is_said(browser: Browser, t
     async with served(deaf) as at, looking(browser, at, tmp_path, size="wall") as looker:
         page = await looker.go("/wall")
         await expect(page.locator(".fs-banner.fs-bad")).to_contain_text("The fleet cannot be heard")
-        await expect(page.get_by_text("Nobody knows which alerts are open: ")).to_be_visible()
+        await expect(page.get_by_text("Open alerts are unknown: ")).to_be_visible()
         await expect(page.get_by_text("No critical alert is open")).to_be_hidden()
         assert await page.evaluate(SMALLEST_PX) >= 22
         assert not await out_of_sight(page)

@@ -1,1 +1,1 @@
-"""Alerts on their way: rules applied to what is seen, and told to robots, webhooks and the store."""
+"""Alerting: applies rules to the fleet and delivers alerts to robots, webhooks and the history."""

@@ -1,4 +1,4 @@
-"""Who is not there, held back until that is sure. Pure."""
+"""Absent robots and cameras, reported only once their absence is confirmed. Pure."""
 
 from dataclasses import dataclass
 from typing import Generic, TypeVar
@@ -19,41 +19,41 @@ class _Absent:
 
 
 class Absence(Generic[K]):
-    """Members that are not there. Of each it is sure when it is due, and the monitor heard itself since."""
+    """Absent members. An absence is confirmed when it is due and the monitor has heard its own heartbeat since."""
 
     def __init__(self) -> None:
         self._waiting: dict[K, _Absent] = {}
         self._sure: dict[K, int] = {}
 
     def note(self, who: K, since_ns: int, due_s: float) -> None:
-        """Note who is not there, unless that is noted already. since_ns: epoch. due_s: of the steady clock."""
+        """Note an absent member, unless it is noted already. since_ns: epoch. due_s: of the steady clock."""
         if who not in self._sure:
             self._waiting.setdefault(who, _Absent(since_ns, due_s))
 
     def drop(self, who: K) -> None:
-        """Note who is there."""
+        """Forget a member that is present again."""
         self._waiting.pop(who, None)
         self._sure.pop(who, None)
 
     def clear(self) -> None:
-        """Forget everybody."""
+        """Forget all members."""
         self._waiting.clear()
         self._sure.clear()
 
     def ripen(self, heard_s: float) -> list[K]:
-        """Return of whom it is sure since this was asked last. heard_s: when the monitor heard itself last."""
+        """Return the absences confirmed since the last call. heard_s: when the monitor last heard its own heartbeat."""
         ripe = [who for who, absent in self._waiting.items() if absent.due_s <= heard_s]
         for who in ripe:
             self._sure[who] = self._waiting.pop(who).since_ns
         return ripe
 
     def since_ns(self, who: K) -> int | None:
-        """Return since when somebody is not there, None while that is not sure."""
+        """Return since when a member is absent; None while that is not confirmed."""
         return self._sure.get(who)
 
 
 class Absentees:
-    """The robots and cameras of an inventory that are surely not there. now_s: of the steady clock; now_ns: epoch."""
+    """The confirmed absences among an inventory's robots and cameras. now_s: steady clock; now_ns: epoch."""
 
     def __init__(self, inventory: Inventory, hearing: Heartbeat) -> None:
         self._inventory = inventory
@@ -64,12 +64,12 @@ class Absentees:
         self._came: set[CameraKey] = set()
 
     def clear(self) -> None:
-        """Begin anew: who was not there before may be by now."""
+        """Start over: members that were absent may be present by now."""
         for each in (self._robots, self._gone, self._mute):
             each.clear()
 
     def look_at_robot(self, robot: str, now_ns: int, now_s: float) -> tuple[bool | None, int]:
-        """Return whether a robot's gateway is there, None if that is not known, and since when it is not.
+        """Return whether a robot's gateway is online (None if unknown), and since when it is offline.
 
         Of a robot that was forgotten it is not known, nor asked.
         """
@@ -84,7 +84,7 @@ class Absentees:
         return (None, now_ns) if since_ns is None else (False, since_ns)
 
     def look_at_camera(self, camera: CameraView, now_ns: int, now_s: float, *, told: bool, ceased: bool) -> None:
-        """Note whether a camera is spoken for. told: it is new, came or went. ceased: it was spoken for until now.
+        """Note whether a camera is live. told: it is new, came or went. ceased: it was live until now.
 
         One that came, or that was not heard of before, has as long until its lists are missed as one that had some.
         """
@@ -109,12 +109,12 @@ class Absentees:
         self._mute.note(key, from_ns + self._inventory.limits.stale_ns, due_s)
 
     def silent_ns(self, key: CameraKey) -> int | None:
-        """Return since when a camera is not spoken for, None while that is not sure."""
+        """Return since when a camera is silent; None while that is not confirmed."""
         since_ns = [since for each in (self._gone, self._mute) if (since := each.since_ns(key)) is not None]
         return min(since_ns, default=None)
 
     def ripen(self, now_ns: int, now_s: float) -> tuple[list[str], list[CameraView]]:
-        """Return the robots and cameras of which it is sure since this was asked last."""
+        """Return the robots and cameras whose absence was confirmed since the last call."""
         if not self._hearing.settled:
             return [], []
         heard_s = self._hearing.heard_s

@@ -1,4 +1,4 @@
-"""Rules applied to the fleet while it is seen, by the one monitor that raises alerts."""
+"""Applies rules to the fleet as it changes; of several monitors one raises alerts."""
 
 import asyncio
 import time
@@ -29,14 +29,14 @@ from services.monitor.rules.subjects import Effect, UnknownAlertError
 
 TICK_S: Final = 0.1
 SWEEP_S: Final = 0.2
-"""How often cameras are looked at."""
+"""Period of the sweep over cameras, in seconds."""
 
 OFFER_S: Final = 10.0
-"""How often it is looked whether there is room for what too many rules and cameras left none for."""
+"""Period, in seconds, of the check for room for subjects left out because there were too many."""
 
 
 class Alerting:
-    """What becomes of rules, and what people do with alerts."""
+    """Raises alerts by rules, delivers them, and applies operators' actions to them."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Alerting:
         self._webhooks = Webhooks()
 
     def lead(self, alerts: Sequence[Alert], acts: Iterable[Act] = ()) -> None:
-        """Begin to raise alerts, with those that another monitor, or this one before, left unresolved.
+        """Begin to raise alerts, continuing those that another monitor, or an earlier run, left unresolved.
 
         acts: what people did with these.
         """
@@ -78,7 +78,7 @@ class Alerting:
         self._begin_anew()
 
     def owe(self, alerts: Iterable[tuple[str, Alert]]) -> None:
-        """Have webhooks, by name, take alerts that they did not take before a restart."""
+        """Queue alerts that webhooks, by name, did not accept before a restart."""
         waiting: dict[str, list[Alert]] = {}
         for name, alert in alerts:
             waiting.setdefault(name, []).append(alert)
@@ -87,7 +87,7 @@ class Alerting:
             self._webhooks.owe(name, webhooks[name], waiting[name])
 
     def owed(self) -> Iterator[tuple[str, Alert]]:
-        """Yield the alerts that webhooks, by name, did not take yet, each as it stands."""
+        """Yield the alerts that webhooks, by name, have not accepted yet, in their current state."""
         return self._webhooks.owed()
 
     def owed_changes(self) -> int:
@@ -95,45 +95,49 @@ class Alerting:
         return self._webhooks.changes()
 
     def take(self, changes: Iterable[Change]) -> None:
-        """Take what changed in the inventory."""
+        """Take changes of the inventory."""
         if self._engine is not None:
             changes = list(changes)
             self._unsteady.update(change.sighting.key for change in changes)
             self._engine.changed(changes, time.time_ns())
 
     def measured(self, key: CameraKey) -> None:
-        """Look at a camera whose distances came."""
+        """Evaluate the rules for a camera whose distances arrived."""
         camera = self._inventory.camera(key)
         if self._engine is not None and camera is not None:
             self._look(self._engine, camera, time.time_ns())
 
     def alerts(self) -> list[Alert]:
-        """Return the alerts that are not resolved; none where another monitor raises them."""
+        """Return the unresolved alerts; empty if another monitor raises them."""
         return [] if self._engine is None else self._engine.alerts()
 
     def problems(self) -> list[str]:
-        """Say which webhooks of the rules in force take no alerts, and why, and whether the monitor is deaf."""
-        waits = ["alerts of silence wait: the monitor does not hear itself in time"] if self._hearing.deaf else []
+        """Return lines for failing webhooks of the rules in force, and for a late heartbeat of the monitor."""
+        waits = (
+            ["silence alerts are held back: the monitor's own heartbeat is late; check the load of this machine"]
+            if self._hearing.deaf
+            else []
+        )
         return [*waits, *self._webhooks.problems(self._rules.book.webhooks)]
 
     def posts(self) -> Mapping[tuple[str, Outcome], int]:
-        """Return how many alerts for webhooks had which outcome, by the webhook's name."""
+        """Return the number of webhook alerts by webhook name and outcome."""
         return self._webhooks.counts
 
     def acknowledge(self, alert_id: str) -> Alert:
-        """Note that somebody looks after an alert; raises UnknownAlertError."""
+        """Acknowledge an alert; raises UnknownAlertError."""
         return self._known().acknowledge(alert_id, time.time_ns())
 
     def escalate(self, alert_id: str) -> Alert:
-        """Have others look after an alert; raises UnknownAlertError."""
+        """Escalate an alert; raises UnknownAlertError."""
         return self._known().escalate(alert_id, time.time_ns())
 
     def resolve(self, alert_id: str) -> Alert:
-        """Close an alert; raises UnknownAlertError."""
+        """Resolve an alert; raises UnknownAlertError."""
         return self._known().resolve(alert_id, time.time_ns())
 
     async def run(self, bus: Bus, *, keep: Callable[[Alert], None], leads: Callable[[], bool]) -> None:
-        """Apply the rules and send what comes of it, for ever.
+        """Apply the rules and send the resulting alerts and actions, until cancelled.
 
         keep: takes every alert that changed, for the store. leads: whether this monitor is the one that raises alerts.
         """
@@ -170,12 +174,12 @@ class Alerting:
                 self._tell(effect, engine)
 
     def _begin_anew(self) -> None:
-        """Have everything looked at as if nobody had been missed before."""
+        """Re-evaluate everything, as if nothing had been absent before."""
         self._absentees.clear()
         self._look_at_all = True
 
     def _offer_again(self, engine: RuleEngine) -> None:
-        """Have everything looked at if there is room by now for what there was none for."""
+        """Re-evaluate everything if there is room again for subjects that were left out."""
         if time.monotonic() >= self._offered_s + self._offer_s:
             self._offered_s = time.monotonic()
             self._look_at_all = self._look_at_all or engine.has_room_again()
@@ -215,7 +219,7 @@ class Alerting:
         if engine.concerns(camera.key):
             look = self._look_of(camera, now_ns)
             engine.look(look, now_ns)
-            if look.nearest or (look.speaks and not look.settled):  # which may grow old, or settle, without any news
+            if look.nearest or (look.speaks and not look.settled):  # may become old, or settle, without a change
                 self._unsteady.add(camera.key)
 
     def _look_of(self, camera: CameraView, now_ns: int) -> CameraState:
@@ -232,7 +236,7 @@ class Alerting:
             return
         webhooks = engine.book.webhooks
         told = dict.fromkeys([*rule.webhooks, *(rule.escalate_webhooks if effect.escalated else ())])
-        for name in [name for name in told if name in webhooks]:  # the rule may be of the book before
+        for name in [name for name in told if name in webhooks]:  # the rule may be from the earlier book
             self._webhooks.post(name, webhooks[name], alert)
         if effect.raised and rule.action is not None:
             self._actions.send(action_of(rule.action, alert, uuid4().hex))
@@ -246,7 +250,7 @@ class Alerting:
 def look_at(
     inventory: Inventory, camera: CameraView, now_ns: int, silent_ns: int | None = None, *, complete: bool = True
 ) -> CameraState:
-    """Return what is known of a camera now. silent_ns, complete: see `CameraState`."""
+    """Return the current state of a camera. silent_ns, complete: see `CameraState`."""
     since_ns = now_ns - inventory.limits.stale_ns
     sighted = list(camera.sighted())
     return CameraState(
@@ -262,7 +266,7 @@ def look_at(
 
 
 def action_of(asked: RobotAction, alert: Alert, action_id: str) -> Action:
-    """Return what a robot is told because of an alert."""
+    """Return the action to send to a robot because of an alert."""
     payload = asked.payload
     for placeholder, value in zip(PLACEHOLDERS, (alert.robot, alert.camera, alert.name), strict=True):
         payload = payload.replace(placeholder, value)

@@ -1,4 +1,4 @@
-"""What waits for one webhook. Pure."""
+"""The queue of alert changes waiting for one webhook. Pure."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ class Backlog:
         return (alert.id, alert.changed_ns) in self._waiting
 
     def put(self, alert: Alert) -> int:
-        """Have a change wait; return how many changes were given up, those of alerts that are over first."""
+        """Queue a change; return how many changes were dropped for it, those of resolved alerts first."""
         key = (alert.id, alert.changed_ns)
         if self._newest_only and (before := self._newest.get(alert.id)) is not None:
             self._forget(before)
@@ -60,12 +60,12 @@ class Backlog:
         return self._drop() if len(self._waiting) > MAX_WAITING else 0
 
     def fold(self) -> None:
-        """Have only the newest change of each alert wait, also of those that come."""
+        """Keep only the newest change of each alert, also of later ones."""
         self._leave_newest()
         self.is_folded = True
 
     def newest(self) -> Iterator[Alert]:
-        """Yield each alert that waits as it stands."""
+        """Yield each waiting alert in its current state."""
         return (self._waiting[key] for key in self._newest.values())
 
     def first(self, count: int) -> list[Alert]:
@@ -90,7 +90,7 @@ class Backlog:
         return failures.count
 
     def done(self, alerts: Iterable[Alert]) -> None:
-        """Forget changes that were posted."""
+        """Remove changes that were posted."""
         for alert in alerts:
             self._forget((alert.id, alert.changed_ns))
             self._done += 1

@@ -1,4 +1,4 @@
-"""Lanes: what is delivered to one receiver in order, while no receiver waits for another."""
+"""Delivers messages in order per receiver; no receiver waits for another."""
 
 import asyncio
 from collections import deque
@@ -9,14 +9,14 @@ K = TypeVar("K")
 M = TypeVar("M")
 
 MAX_WAITING: Final = 1_000
-"""How many messages wait in one lane; the oldest are given up for newer ones."""
+"""Maximum number of messages waiting in one lane; the oldest are dropped."""
 
 AT_ONCE: Final = 256
-"""How many lanes deliver at the same time."""
+"""Number of lanes that deliver concurrently."""
 
 
 class Lanes(Generic[K, M]):
-    """Delivers messages by receiver. deliver: gives one message to a receiver; it raises nothing.
+    """Delivers messages by receiver. deliver: gives one message to a receiver; it must not raise.
 
     gave_up: is told of each message that was given up for a newer one, and whether it is the first since the receiver
     had all of them.
@@ -31,7 +31,7 @@ class Lanes(Generic[K, M]):
         self._news = asyncio.Event()
 
     def put(self, receiver: K, message: M) -> None:
-        """Have a message delivered."""
+        """Queue a message for delivery."""
         lane = self._lanes.setdefault(receiver, deque(maxlen=MAX_WAITING))
         is_full = len(lane) == MAX_WAITING
         lane.append(message)
@@ -42,7 +42,7 @@ class Lanes(Generic[K, M]):
             self._gave_up(receiver, first)
 
     async def run(self) -> None:
-        """Deliver what there is, for ever."""
+        """Deliver queued messages until cancelled."""
         async with asyncio.TaskGroup() as group:
             while True:
                 await self._news.wait()

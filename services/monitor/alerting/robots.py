@@ -1,4 +1,4 @@
-"""Alerts and actions to robots, each on its robot's key."""
+"""Publishes alerts and actions on each robot's key."""
 
 import asyncio
 import logging
@@ -21,11 +21,11 @@ Each that is declared again takes another number of the session's (see bus.sessi
 """
 
 HEARD_S: Final = 10.0
-"""How long an action waits for its robot's gateway to be found."""
+"""Seconds an action waits for its robot's gateway to be discovered."""
 
 
 class ToRobots:
-    """Sends messages of one kind to robots, to each in order.
+    """Sends messages of one kind to robots, in order per robot.
 
     patient: a robot's first message waits until somebody listens, but not for long: it has no other chance to be heard.
     """
@@ -39,11 +39,11 @@ class ToRobots:
         self._publishers: OrderedDict[str, tuple[Publisher, AsyncExitStack]] = OrderedDict()
 
     def send(self, message: Alert | Action) -> None:
-        """Have a message sent."""
+        """Queue a message."""
         self._lanes.put(message.robot, message)
 
     async def run(self, bus: Bus) -> None:
-        """Send what there is to send, for ever."""
+        """Send queued messages until cancelled."""
         self._bus = bus
         try:
             await self._lanes.run()
@@ -60,7 +60,7 @@ class ToRobots:
 
     def _gave_up(self, robot: str, first: bool) -> None:  # noqa: FBT001 - the lanes'
         if first:
-            log.warning("%s of %s: too many wait, the oldest are given up", self._stream, robot)
+            log.warning("%s of %s: too many are waiting, the oldest are dropped", self._stream, robot)
 
     async def _publisher(self, robot: str) -> Publisher:
         if robot not in self._publishers:
@@ -92,10 +92,10 @@ class ToRobots:
 
 
 def alerts_to_robots() -> ToRobots:
-    """Return what sends alerts; late subscribers get the last one anyhow."""
+    """Return the sender of alerts; late subscribers get the last one from the bus."""
     return ToRobots(ALERTS, Alert, patient=False)
 
 
 def actions_to_robots() -> ToRobots:
-    """Return what sends actions; gateways take no old one."""
+    """Return the sender of actions; gateways never take an old one."""
     return ToRobots(ACTIONS, Action, patient=True)

@@ -1,4 +1,4 @@
-"""The rule file: read again whenever it changes; a mistake leaves the rules as they were."""
+"""The rule file: reloaded on change; a mistake leaves the rules in force."""
 
 import asyncio
 import logging
@@ -16,7 +16,7 @@ _Stamp = tuple[int, int, int]
 
 
 class RuleFile:
-    """The rules of a file. problem: why the newest version of the file is not in force, in words, or empty."""
+    """The rules of a file. problem: why the newest version is not in force, in words, or empty."""
 
     def __init__(self, path: Path | None) -> None:
         self.book = RuleBook()
@@ -26,7 +26,7 @@ class RuleFile:
         self._stamp: _Stamp | None = None
 
     async def load(self) -> None:
-        """Read it for the first time.
+        """Read the file for the first time.
 
         Raises:
             RuleFileError: it cannot be used.
@@ -39,13 +39,13 @@ class RuleFile:
             raise error.of(self._path) from error
 
     async def watch(self) -> None:
-        """Keep `book` up to date, for ever."""
+        """Keep `book` up to date until cancelled."""
         while self._path is not None:
             await asyncio.sleep(LOOK_S)
             await self.look(self._path)
 
     async def look(self, path: Path) -> None:
-        """Read the file if it is another one than before, and was that last time too: it may be half written."""
+        """Reload the file if it changed and then stayed the same for one check: it may be half written."""
         try:
             await asyncio.to_thread(self._read, path, settled=True)
         except RuleFileError as error:

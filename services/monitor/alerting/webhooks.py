@@ -1,4 +1,4 @@
-"""Alerts posted to webhooks: signed, and tried again until they are taken."""
+"""Posts alerts to webhooks: signed, and retried until they are accepted."""
 
 import asyncio
 import hashlib
@@ -50,7 +50,7 @@ class _Answer(StrEnum):
 
 
 class Outcome(StrEnum):
-    """What becomes of an alert for a webhook."""
+    """The outcome of an alert for a webhook."""
 
     DELIVERED = "delivered"
     GIVEN_UP = "given_up"
@@ -61,14 +61,14 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Post:
-    """What is posted. Its signature is HMAC-SHA256, in hexadecimal, of the timestamp, a full stop and the body."""
+    """A request to post. Its signature is HMAC-SHA256, in hexadecimal, of the timestamp, a full stop and the body."""
 
     body: bytes
     headers: Mapping[str, str]
 
 
 def signed(alerts: Sequence[Alert], secret: str, at_s: float) -> Post:
-    """Return an alert, or a group of some, as it is posted at a time, epoch.
+    """Return the signed post of an alert, or of a group of alerts, at an epoch time.
 
     The delivery id is the same however often that is tried.
     """
@@ -89,7 +89,7 @@ def signed(alerts: Sequence[Alert], secret: str, at_s: float) -> Post:
 
 @dataclass(slots=True, eq=False)
 class _Lane:
-    """A webhook by the name that the rule file gives it, and what waits for it.
+    """A webhook under its name in the rule file, and its backlog.
 
     reason: why it did not take what was posted last. probes: it failed at a group, and is given one alert alone next.
     alone: how many are posted one by one, since it takes no groups, before a group is tried again. drops: too much
@@ -107,7 +107,7 @@ class _Lane:
 
 
 class Webhooks:
-    """Posts to any number of webhooks, to each in order. now_s: the time, epoch.
+    """Posts alerts to any number of webhooks, in order for each. now_s: returns the epoch time.
 
     A webhook that takes nothing, however often it is tried, is down. What changes meanwhile waits, of each alert as it
     stands, and is posted in groups once it is back. counts: alerts by webhook and outcome.
@@ -131,7 +131,7 @@ class Webhooks:
         self._news = asyncio.Event()
 
     def post(self, name: str, webhook: Webhook, alert: Alert) -> None:
-        """Have an alert posted."""
+        """Queue an alert for a webhook."""
         lane = self._lanes.setdefault(name, _Lane(name, webhook))
         lane.webhook = webhook
         dropped = lane.backlog.put(alert)
@@ -143,13 +143,13 @@ class Webhooks:
         self._news.set()
 
     def owe(self, name: str, webhook: Webhook, alerts: Iterable[Alert]) -> None:
-        """Have alerts posted, in groups, that were not taken before a restart."""
+        """Queue alerts, to be posted in groups, that were not accepted before a restart."""
         self._lanes.setdefault(name, _Lane(name, webhook)).backlog.fold()
         for alert in alerts:
             self.post(name, webhook, alert)
 
     def owed(self) -> Iterator[tuple[str, Alert]]:
-        """Yield what waits: by webhook each alert as it stands."""
+        """Yield the waiting alerts by webhook, each in its current state."""
         for name, lane in self._lanes.items():
             yield from ((name, alert) for alert in lane.backlog.newest())
 
@@ -158,7 +158,7 @@ class Webhooks:
         return sum(lane.backlog.changes for lane in self._lanes.values())
 
     def keep(self, webhooks: Mapping[str, Webhook]) -> None:
-        """Go on with these alone; what waits for one that has another address, or secret, goes there."""
+        """Continue with these webhooks only; waiting alerts follow a changed address or secret."""
         for name, lane in list(self._lanes.items()):
             if name in webhooks:
                 lane.webhook = webhooks[name]
@@ -167,16 +167,16 @@ class Webhooks:
                 lane.reason = ""
 
     def clear(self) -> None:
-        """Give up what waits: another monitor posts it."""
+        """Drop the waiting alerts: another monitor posts them."""
         self.keep({})
 
     def problems(self, webhooks: Mapping[str, Webhook]) -> list[str]:
-        """Say which of these webhooks did not take what was posted last, and why."""
+        """Return a line for each of these webhooks that did not accept its last post, with the reason."""
         failing = [lane for _, lane in sorted(self._lanes.items()) if lane.reason and lane.name in webhooks]
         return [f"webhook {lane.name} takes no alerts: {lane.reason}" for lane in failing]
 
     async def run(self) -> None:
-        """Post what there is to post, for ever."""
+        """Post queued alerts until cancelled."""
         await self._news.wait()
         trusted = await asyncio.to_thread(ssl.create_default_context)  # reads hundreds of certificates
         async with (

@@ -1,1 +1,1 @@
-"""`fleetsight history export`: what was kept, as files for other programs."""
+"""`fleetsight history export`: writes the history to files for other programs."""

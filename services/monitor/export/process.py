@@ -20,13 +20,13 @@ from services.monitor.history.store import Store
 from services.monitor.history.tables import alerts, heartbeat, intervals
 
 ROWS: Final = 100
-"""Rows held in memory and written at a time; a monitor that exports takes class lists in between."""
+"""Rows held in memory and written at a time; an exporting monitor processes class lists in between."""
 
 LONG_S: Final = 3_600.0
 
 
 async def run(settings: ExportSettings) -> None:
-    """Do what is asked for, and say what was done; see `export`.
+    """Run the task and print its result; see `export`.
 
     Raises:
         HistoryError: the database cannot be had, or the file not be written.
@@ -41,7 +41,7 @@ async def run(settings: ExportSettings) -> None:
 
 
 async def export(settings: ExportSettings) -> int:
-    """Write the file, whole or not at all; return how many rows there are.
+    """Write the file atomically; return the number of rows.
 
     Raises:
         HistoryError: the database cannot be read, or the file not be written.
@@ -72,7 +72,7 @@ async def _write(engine: AsyncEngine, settings: ExportSettings, to: Path, table:
             made.replace(to)
             return count
     except OSError as error:
-        if error.filename is None:  # it may be the database that cannot be reached
+        if error.filename is None:  # may come from a database that cannot be reached
             raise
         raise HistoryError(f"{to}: {error.strerror}") from error
 
@@ -92,7 +92,7 @@ async def _write_in(
 
 
 def query_of(settings: ExportSettings, table: Table) -> Select[Any]:
-    """Return the query for what was asked for, the oldest first; what is open goes on until the heartbeat."""
+    """Return the export's query, oldest first; open intervals last until the heartbeat."""
     columns: list[Any] = list(table.columns)
     begins: ColumnElement[int]
     ends: ColumnElement[int]

@@ -26,11 +26,11 @@ from services.option_names import given_as_options
 EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 FIRST_YEAR: Final = 1970
 LAST_YEAR: Final = 2261
-"""Of the moments that are, in any time zone, nanoseconds since the epoch in 64 bits."""
+"""The last full year that 64-bit nanoseconds since the epoch can hold in any time zone."""
 
 
 def written_like(example: str) -> WrapValidator:
-    """Return what refuses a moment by showing how one is written, and one that histories cannot hold."""
+    """Return a validator that refuses invalid times with an example, and times the history cannot hold."""
 
     def read(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:
@@ -48,7 +48,7 @@ Moment = Annotated[AwareDatetime | NaiveDatetime, written_like("2026-11-20T06:00
 
 
 class ExportSettings(BaseModel):
-    """Write what a monitor kept into a file: sightings, one row as long as a count stayed the same, or alerts.
+    """Write sightings (one row per interval of constant count) or alerts from a monitor's history to a file.
 
     A name that ends in .parquet makes Parquet, which takes fleetsight's extra [parquet]. `trust-clock` says that the
     clock of the monitor's machine is right, where a monitor doubts it; `compact` makes an SQLite file as small as what
@@ -56,20 +56,18 @@ class ExportSettings(BaseModel):
     """
 
     task: Annotated[Literal["export", "trust-clock", "compact"], Field(description="what to do")]
-    to: Annotated[Path | None, Field(description="file to write, .csv or .parquet; export needs one")] = None
-    history: Annotated[HistoryUrl, Field(description="database that the monitor keeps")] = Field(
+    to: Annotated[Path | None, Field(description="file to write, .csv or .parquet; required for export")] = None
+    history: Annotated[HistoryUrl, Field(description="history database of the monitor")] = Field(
         default_factory=default_url
     )
     what: Annotated[Literal["sightings", "alerts"], Field(description="what to export")] = "sightings"
-    since: Annotated[Moment | None, Field(description="leave out what ended before (2026-11-20T06:00)")] = None
-    until: Annotated[Moment | None, Field(description="leave out what began later")] = None
-    robot: Annotated[str, Field(description="only what this robot saw")] = ""
-    camera: Annotated[str, Field(description="only what cameras of this name saw")] = ""
+    since: Annotated[Moment | None, Field(description="skip what ended before this time (2026-11-20T06:00)")] = None
+    until: Annotated[Moment | None, Field(description="skip what began after this time")] = None
+    robot: Annotated[str, Field(description="only this robot")] = ""
+    camera: Annotated[str, Field(description="only cameras with this name")] = ""
     name: Annotated[str, Field(alias="class", description="only this class")] = ""
 
-    bom: Annotated[bool, Field(description="begin CSV with a byte order mark, without which Excel garbles letters")] = (
-        False
-    )
+    bom: Annotated[bool, Field(description="begin CSV with a byte order mark, which Excel needs to read UTF-8")] = False
 
     @field_validator("to")
     @classmethod
@@ -77,9 +75,9 @@ class ExportSettings(BaseModel):
         if to is None:
             return to
         if to.suffix not in (".csv", ".parquet"):
-            raise ValueError("its name is to end in .csv or .parquet")
+            raise ValueError("the file name must end in .csv or .parquet")
         if to.suffix == ".parquet" and find_spec("polars") is None:
-            raise ValueError("Parquet takes polars, of fleetsight's extra [parquet], which is not installed")
+            raise ValueError("Parquet needs polars, which is not installed: install fleetsight[parquet]")
         return to
 
     @model_validator(mode="after")
@@ -87,7 +85,7 @@ class ExportSettings(BaseModel):
         if self.task == "export" and self.to is None:
             raise ValueError("export needs --to, the file to write")
         if self.task != "export" and (given := given_as_options(self, info) - {"task", "history"}):
-            raise ValueError(f"{self.task} takes --history alone, and was given --{min(given)}")
+            raise ValueError(f"{self.task} takes only --history, not --{min(given)}")
         return self
 
     @field_validator("robot", "camera")
@@ -115,7 +113,7 @@ class ExportSettings(BaseModel):
 
 
 def moment(ns: int) -> datetime:
-    """Return a time in UTC, to the microsecond; the last that there is for one that no calendar has."""
+    """Return a UTC time with microseconds; out-of-range times become the last valid one."""
     try:
         return EPOCH + timedelta(microseconds=ns // 1_000)
     except OverflowError:

@@ -1,4 +1,4 @@
-"""Rows into CSV, and CSV into Parquet, without holding all of it."""
+"""Streams rows to CSV, and CSV to Parquet."""
 
 import csv
 from collections.abc import AsyncIterator, Mapping, Sequence
@@ -11,19 +11,19 @@ from services.monitor.export.settings import moment
 from services.monitor.formats import rounded
 
 TIME: Final = "_ns"
-"""How the names of columns end that are times in nanoseconds; exported ones are without, in UTC to the microsecond."""
+"""Suffix of nanosecond time columns; exported ones drop it and are UTC to the microsecond."""
 
 AS_IN_JSON: Final = {"name": "class", "first_ns": "first_seen"}
-"""Columns that the HTTP API calls otherwise than the tables do: files call them as it does."""
+"""Columns that have another name in the HTTP API: files use the API's."""
 
 FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
-"""What text begins with that spreadsheets run instead of showing it: classes and workers may be called anything."""
+"""Leading characters that make spreadsheets evaluate text: classes and workers may have any name."""
 
 
 async def write_csv(
     batches: AsyncIterator[Sequence[Mapping[str, Any]]], table: Table, file: TextIO, *, for_people: bool
 ) -> int:
-    """Write rows below a heading; return how many. for_people: a spreadsheet may open it, so formulas are made text."""
+    """Write rows below a heading; return their number. for_people: formulas become text, for spreadsheets."""
     writer = csv.DictWriter(file, [exported_name(column.name) for column in table.columns])
     writer.writeheader()
     count = 0
@@ -35,12 +35,12 @@ async def write_csv(
 
 
 def exported_name(column: str) -> str:
-    """Return what files call a column of a table."""
+    """Return the exported name of a table's column."""
     return AS_IN_JSON.get(column, column.removesuffix(TIME))
 
 
 def exported(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row as it is exported."""
+    """Return a row in exported form."""
     return {
         exported_name(name): moment(value).isoformat(timespec="microseconds") if name.endswith(TIME) else rounded(value)
         for name, value in row.items()
@@ -48,12 +48,12 @@ def exported(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def as_text(value: Any) -> Any:
-    """Return a CSV cell that no spreadsheet takes for a formula: text that begins like one gets a `'` before it."""
+    """Return a CSV cell that no spreadsheet evaluates: text that begins like a formula gets a leading `'`."""
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
 def write_parquet(source: Path, target: Path, table: Table) -> None:
-    """Turn a CSV file of a table's rows into Parquet."""
+    """Convert a CSV file of a table's rows to Parquet."""
     import polars as pl  # noqa: PLC0415 - an extra, and only who wants Parquet needs it
 
     kinds = {str: pl.String, int: pl.Int64, float: pl.Float64, bool: pl.String}

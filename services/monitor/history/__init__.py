@@ -1,1 +1,1 @@
-"""What the fleet saw: sightings as intervals and alerts, in SQLite or PostgreSQL."""
+"""The history of the fleet: sightings as intervals, and alerts, in SQLite or PostgreSQL."""

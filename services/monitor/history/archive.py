@@ -1,4 +1,4 @@
-"""The history as it is read while it is written: pages of what was seen and of alerts, newest first."""
+"""Reads the history while it is written: pages of sightings and of alerts, newest first."""
 
 import asyncio
 from collections.abc import AsyncIterator, Iterator, Sequence
@@ -50,7 +50,7 @@ NOWHERE: Final = "\0"
 async def contains(
     connection: AsyncConnection, columns: Sequence[ColumnElement[str]], wanted: str
 ) -> ColumnElement[bool]:
-    """Return what finds the rows with a text in one of some columns.
+    """Return the condition for rows with a text in one of some columns.
 
     Only names that have other letters than ASCII's take the slow way. PostgreSQL without ICU knows the letters of the
     database's own locale alone.
@@ -101,7 +101,7 @@ AlertPlace = tuple[int, str]
 
 @dataclass(frozen=True, slots=True)
 class HistoryQuery:
-    """What is asked for: what was so between two times (epoch nanoseconds), of one robot, camera or class if named.
+    """A query: between two times (epoch nanoseconds), of one robot, camera or class if named.
 
     text: what sightings have in one of their names, in capitals or not.
     """
@@ -120,7 +120,7 @@ class HistoryQuery:
 
 
 class Archive:
-    """Reads the database of the history. Every method raises HistoryError: there is none, or it cannot be read."""
+    """Reads the database of the history. Every method raises HistoryError if it is absent or cannot be read."""
 
     def __init__(self, url: str) -> None:
         self._url = url
@@ -180,7 +180,7 @@ class Archive:
         return [alert_of_row(row) for row in rows]
 
     async def acts(self, alert_ids: Sequence[str]) -> list[Act]:
-        """Return what was done with some alerts, in order."""
+        """Return the operators' actions on some alerts, in order."""
         query = acts.select().where(acts.c.alert_id.in_(alert_ids[:MAX_ROWS])).order_by(acts.c.at_ns).limit(MAX_ROWS)
         rows = await self._read(query)
         return [act_of_row(row) for row in rows]
@@ -203,7 +203,7 @@ class Archive:
 
 
 async def _heartbeat_ns(connection: AsyncConnection) -> int:
-    """Return when somebody wrote last."""
+    """Return the time of the last write."""
     return await connection.scalar(select(heartbeat.c.at_ns)) or 0
 
 
@@ -225,7 +225,7 @@ def _ever_earlier(newest_ns: int, since_ns: int) -> Iterator[int]:
 
 
 async def _with_text(connection: AsyncConnection, text: str) -> list[ColumnElement[bool]]:
-    """Return what finds the intervals that have a text in one of their names."""
+    """Return the condition for intervals that have a text in one of their names."""
     if not text:
         return []
     return [await contains(connection, [intervals.c[each] for each in SAID], text)]

@@ -1,4 +1,4 @@
-"""Whether this machine's clock can be believed, judged by when history was kept last. Pure.
+"""Whether this machine's clock is plausible, judged by the last write to the history. Pure.
 
 A clock that is far ahead would have all history forgotten at once, and file what is seen under a time to come.
 """
@@ -19,7 +19,7 @@ CURE: Final = "set the clock, or, if it is right, run `fleetsight history trust-
 
 @dataclass(frozen=True, slots=True)
 class Doubt:
-    """The clock showed `doubted_ns` when it should have shown about `believed_ns`; both are epoch nanoseconds."""
+    """The clock showed `doubted_ns` when about `believed_ns` was expected; both are epoch nanoseconds."""
 
     believed_ns: int
     doubted_ns: int
@@ -41,13 +41,13 @@ class Doubt:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """What was kept at `from_ns` or later was kept by a clock that was so far ahead."""
+    """Rows written at `from_ns` or later carry times of a clock that was this far ahead."""
 
     from_ns: int
     ahead_ns: int
 
     def corrected(self, at_ns: int) -> int:
-        """Return a time as a clock that is right would have shown it, about."""
+        """Return a time, corrected by about as much as the clock was ahead."""
         return at_ns - self.ahead_ns if at_ns >= self.from_ns else at_ns
 
 
@@ -57,12 +57,12 @@ class _Reading:
     steady_ns: int
 
     def at(self, steady_ns: int) -> int:
-        """Return what the clock shows now if nobody set it."""
+        """Return the time that the clock would show if nobody had set it."""
         return self.clock_ns + steady_ns - self.steady_ns
 
 
 class ClockTrust:
-    """Follows the clock of this machine. steady_ns: of a clock that goes on while the machine sleeps, and is never set.
+    """Follows this machine's clock. steady_ns: of a clock that is never set and runs while the machine sleeps.
 
     doubt: why the clock is not believed, None while it is.
     """
@@ -75,7 +75,7 @@ class ClockTrust:
         self._set_back_ns = 0
 
     def begin(self, kept_ns: int, doubt: Doubt | None, steady_ns: int) -> None:
-        """Take when history was kept last, 0 if never, and why a monitor before did not believe the clock.
+        """Take the time of the last write, 0 if never, and why an earlier monitor doubted the clock.
 
         A monitor that has believed its clock already goes by that: the database may have been gone for long.
         """
@@ -84,7 +84,7 @@ class ClockTrust:
         self.doubt = self.doubt or doubt
 
     def advance(self, now_ns: int, steady_ns: int) -> Correction | None:
-        """Take what the clock shows; return what is to be corrected when it is right again after it was far ahead."""
+        """Take the clock's reading; return the correction once a clock that was far ahead is right again."""
         before, self._last = self._last, _Reading(now_ns, steady_ns)
         set_back_ns = 0 if before is None else before.at(steady_ns) - now_ns
         if set_back_ns > self._far_ns:

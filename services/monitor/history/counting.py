@@ -1,4 +1,4 @@
-"""How many were in view over time, counted by the database: the most of each slot of time.
+"""Counts in view over time, computed by the database: the maximum in each time slot.
 
 Where little happened it is counted exactly, whether that is in all of the time or at the places that are asked for.
 Where much did, as in a year of twenty robots, the database looks at every place at a number of moments, evenly spread:
@@ -47,7 +47,7 @@ Where = Sequence[ColumnElement[bool]]
 
 @dataclass(frozen=True, slots=True)
 class Slots:
-    """Slots of time of one width, in nanoseconds. until_ns: where the last one ends, which may be a shorter one."""
+    """Time slots of one width, in nanoseconds. until_ns: the end of the last slot, which may be shorter."""
 
     since_ns: int
     until_ns: int
@@ -55,13 +55,13 @@ class Slots:
 
     @property
     def number(self) -> int:
-        """How many there are."""
+        """The number of slots."""
         return -(-(self.until_ns - self.since_ns) // self.width_ns)
 
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """The most of each class that were in view in each slot, left out where none were; by its number.
+    """The maximum of each class in each slot, by slot number; zeros are left out.
 
     known: the slots of which it is known what was in view, as a camera was spoken for.
     """
@@ -73,7 +73,7 @@ class Counts:
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """Rows of a table that are counted, each for `count` of a class `name`, and until when those that are open last.
+    """Rows to count, each for `count` of a class `name`, and the time until which open rows last.
 
     places: columns of the primary key, and what is in them. where: what else is so of the rows.
     """
@@ -98,18 +98,18 @@ class Counted:
         return join(some, self.table, and_(*same, of.since_ns >= some.c.from_ns, of.since_ns < until_ns))
 
     def here(self, of: FromClause) -> list[ColumnElement[bool]]:
-        """Return what finds the places in a table, or query; not by their index, that of times finds fewer rows."""
+        """Return the condition that restricts a query to places, without their index: the index of times is better."""
         found = [of.c[column].concat("") == value for column, value in self.places.items()]
         return [*found, of.c.robot != "", of.c.camera != ""]  # robots, and monitors, are present too
 
 
 def in_view(places: Mapping[str, str], where: Where, open_until_ns: int) -> Counted:
-    """Return the intervals of what was in view, as counted by class."""
+    """Return the intervals in view, counted by class."""
     return Counted(intervals, "name", intervals.c.count, places, where, open_until_ns)
 
 
 def spoken_for(places: Mapping[str, str], open_until_ns: int) -> Counted:
-    """Return the cameras that were spoken for, as counted without a class."""
+    """Return the times when cameras were live, counted without a class."""
     return Counted(presence, "", literal(1), places, (), open_until_ns)
 
 
@@ -121,7 +121,7 @@ def nothing_counted(since_ns: int, until_ns: int) -> Counts:
 async def count_over_time(
     connection: AsyncConnection, seen: Counted, spoken: Counted, since_ns: int, until_ns: int
 ) -> Counts:
-    """Count what was in view between two times, and find when any camera was spoken for."""
+    """Count objects in view between two times, and find when any camera was live."""
     both, slots = (seen, spoken), _slots(since_ns, until_ns, SLOTS)
     exactly = [await _rows(connection, each, slots) for each in both]
     looked_at = [each for each, rows in zip(both, exactly, strict=True) if rows is None]

@@ -1,4 +1,4 @@
-"""What two models that look at one camera disagreed about. Pure."""
+"""Disagreements between two models on one camera. Pure."""
 
 from collections.abc import Iterator, Mapping
 from typing import Self
@@ -12,7 +12,7 @@ Place = tuple[CameraKey, str]
 
 
 class Disagreement(StoredInterval, frozen=True, gc=False):
-    """As long as two models counted a class differently: the one that spoke for the camera, and the other one."""
+    """An interval in which two models counted a class differently: the primary model and the other one."""
 
     key: CameraKey
     name: str
@@ -23,11 +23,11 @@ class Disagreement(StoredInterval, frozen=True, gc=False):
 
     @property
     def place(self) -> Place:
-        """What it is about."""
+        """The place of the disagreement."""
         return (self.key, self.name)
 
     def is_as(self, before: Self) -> bool:
-        """Whether the same models count the same."""
+        """Whether the same models disagree by the same counts."""
         return self._said() == before._said()
 
     def _said(self) -> tuple[int, str, int, str]:
@@ -35,7 +35,7 @@ class Disagreement(StoredInterval, frozen=True, gc=False):
 
 
 class Disagreements:
-    """Enters in a ledger what models disagree about."""
+    """Enters disagreements of models in a ledger."""
 
     def __init__(self, inventory: Inventory, ledger: Ledger) -> None:
         self._inventory = inventory
@@ -43,7 +43,7 @@ class Disagreements:
         self._open: dict[CameraKey, set[str]] = {}
 
     def note(self, now_ns: int) -> Iterator[None]:
-        """Enter what is so, and yield after each camera.
+        """Enter the current disagreements, and yield after each camera.
 
         Cameras at which one model looks by now are looked at once more: what models disagreed about has ended there.
         """
@@ -54,7 +54,7 @@ class Disagreements:
             yield
 
     def _note(self, camera: CameraView, now_ns: int) -> None:
-        """Enter what is so of a camera; while nobody speaks for it nothing is."""
+        """Enter a camera's disagreements; none while it has no primary model."""
         found = self._found(camera, now_ns) if self._inventory.speaks(camera, now_ns) else {}
         for name in self._open.get(camera.key, set()) - found.keys():
             self._ledger.end(Disagreement, (camera.key, name), now_ns)

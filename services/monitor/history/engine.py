@@ -1,4 +1,4 @@
-"""Connections to the history's database, and its errors in one line."""
+"""Connections to the history's database, and its errors as one line each."""
 
 import asyncio
 import os
@@ -30,7 +30,7 @@ PRAGMAS: Final = ("journal_mode=WAL", "synchronous=NORMAL", "busy_timeout=5000")
 
 
 def engine_of(url: str) -> AsyncEngine:
-    """Return an engine that connects when it is first used.
+    """Return an engine that connects on first use.
 
     Raises:
         HistoryError: it is no URL of a database.
@@ -52,7 +52,7 @@ def file_of(engine: AsyncEngine) -> Path | None:
 
 
 def name_of(engine: AsyncEngine) -> str:
-    """Return what to call a database in words: its file, or its URL without what may be secret."""
+    """Return a printable name of a database: its file, or its URL without secrets."""
     if (file := file_of(engine)) is not None:
         return str(file)
     url = engine.url.set(drivername=engine.url.get_backend_name())
@@ -60,7 +60,7 @@ def name_of(engine: AsyncEngine) -> str:
 
 
 def private_file(file: Path) -> None:
-    """Make the file of an SQLite database where there is none; nobody else may read it: it holds passwords' hashes.
+    """Create a missing SQLite file that only its owner may read: it holds password hashes.
 
     One that is there is not opened: closing it again would undo the locks of whoever uses it in this process. A link
     counts as the file that it leads to, and is no file itself.
@@ -72,7 +72,7 @@ def private_file(file: Path) -> None:
 
 @asynccontextmanager
 async def translating(timeout_s: float = TIMEOUT_S) -> AsyncIterator[None]:
-    """Make one HistoryError of whatever a database does, or does not do in time."""
+    """Turn any database error or timeout into one HistoryError."""
     try:
         async with asyncio.timeout(timeout_s):
             yield
@@ -118,17 +118,17 @@ LEADER: Final = text(
 
 
 def own_name() -> str:
-    """Return what others call this process."""
+    """Return the name of this process as shown to others."""
     return f"{socket.gethostname()[: MAX_NAME - 20]}, process {os.getpid()}"
 
 
 def lock_of(file: Path) -> Path:
-    """Return the file beside an SQLite database that whoever leads has locked, and wrote its name into."""
+    """Return the lock file beside an SQLite database, which the leader locks and writes its name into."""
     return Path(f"{file}-lock")
 
 
 def read_name(lock: Path) -> str:
-    """Return the name in such a file; empty where there is none."""
+    """Return the name in a lock file; empty if there is none."""
     with suppress(OSError):
         return lock.read_bytes()[:MAX_NAME].decode(errors="replace")
     return ""
@@ -141,7 +141,7 @@ Identity = tuple[int, int]
 
 
 class OpenFiles:
-    """Which files a database has: made before it is opened, told when it is.
+    """The files of a database: created before it is opened, recorded once it is.
 
     file: a link counts as the file that it leads to.
     """
@@ -152,7 +152,7 @@ class OpenFiles:
         self._note(file)
 
     def opened(self) -> None:
-        """Take what is there for what was opened; raises HistoryError if it was moved meanwhile."""
+        """Record the present files as opened; raises HistoryError if one was moved meanwhile."""
         real = os.path.realpath(self.file)  # SQLite has them there
         for path in (self.file, *(Path(real + suffix) for suffix in BESIDE)):
             if path not in self._known:
@@ -162,11 +162,11 @@ class OpenFiles:
         self.check()
 
     def locked(self, lock: Path, descriptor: int) -> None:
-        """Count a file that has our lock among them."""
+        """Add the file of our lock."""
         self._known[lock] = _identity(os.fstat(descriptor))
 
     def check(self) -> None:
-        """Raise HistoryError if one of them was moved, deleted or replaced."""
+        """Raise HistoryError if one of the files was moved, deleted or replaced."""
         for path, known in list(self._known.items()):
             found = _found(path)
             if found is None:

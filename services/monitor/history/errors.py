@@ -1,8 +1,8 @@
-"""HistoryError: the one error of the history, with a kind of it that no waiting mends."""
+"""HistoryError, the only error of the history, and a permanent kind of it."""
 
 
 class HistoryError(Exception):
-    """The database cannot be had, read or written; the message names the cause."""
+    """The database cannot be opened, read or written; the message names the cause."""
 
 
 class OtherVersionError(HistoryError):

@@ -1,4 +1,4 @@
-"""Sightings as intervals, and what changes in the inventory as entries in the ledger. Pure."""
+"""Sightings as intervals: enters inventory changes in the ledger. Pure."""
 
 from collections.abc import Iterable
 from typing import Self
@@ -13,7 +13,7 @@ Place = tuple[CameraKey, str]
 
 
 class Interval(StoredInterval, frozen=True, gc=False):
-    """As long as one class was in view of one camera with one count.
+    """A period in which one class was in view of one camera with a constant count.
 
     first_ns: when the class came into view, with whatever count.
     """
@@ -29,19 +29,19 @@ class Interval(StoredInterval, frozen=True, gc=False):
 
     @property
     def place(self) -> Place:
-        """Whose interval it is."""
+        """The robot, camera and class of the interval."""
         return (self.key, self.name)
 
     def is_as(self, before: Self) -> bool:
-        """Whether it counts the same."""
+        """Whether the other interval has the same count."""
         return self.count == before.count
 
     def going_on_from(self, before: Self) -> Self:
-        """Return both as one."""
+        """Return both as one interval."""
         return replace(self, since_ns=before.since_ns, first_ns=min(self.first_ns, before.first_ns))
 
     def sighting(self) -> Sighting:
-        """Return what the inventory is told of it after a restart."""
+        """Return the sighting to restore to the inventory after a restart."""
         return Sighting(
             key=self.key,
             name=self.name,
@@ -74,13 +74,13 @@ def interval_of(sighting: Sighting) -> Interval:
 
 
 class Sightings:
-    """Enters in a ledger what is in view."""
+    """Enters sightings in a ledger."""
 
     def __init__(self, ledger: Ledger) -> None:
         self._ledger = ledger
 
     def take(self, changes: Iterable[Change]) -> None:
-        """Take what changed in the inventory."""
+        """Take a change of the inventory."""
         for change in changes:
             of = change.sighting
             match change.kind:
@@ -91,13 +91,13 @@ class Sightings:
                     self._ledger.end(Interval, (of.key, of.name), of.last_ns, closest_m=change.closest_m)
 
     def pause(self, sightings: Iterable[Sighting]) -> None:
-        """Have what a silent camera had in view end when it was last seen, until it is resumed."""
+        """End a silent camera's intervals when they were last seen, until it resumes."""
         self._ledger.note(
             replace(self._kept(of), until_ns=of.last_ns, open=False, closest_m=of.closest_m) for of in sightings
         )
 
     def resume(self, sightings: Iterable[Sighting]) -> None:
-        """Have it go on."""
+        """Reopen the intervals of a camera that resumed."""
         self._ledger.note(replace(self._kept(of), until_ns=of.last_ns, open=True) for of in sightings)
 
     def _kept(self, of: Sighting) -> Interval:

@@ -1,4 +1,4 @@
-"""Keep the history, off the path of the messages: whatever the database does, monitoring goes on."""
+"""Writes the history off the message path: whatever the database does, monitoring continues."""
 
 import asyncio
 import logging
@@ -55,7 +55,7 @@ MAX_ALERTS: Final = 10_000
 
 
 class HistoryKeeper:
-    """Writes what changes in the inventory, alerts, and where robots are, to the database of the settings.
+    """Writes inventory changes, alerts and robots' poses to the database of the settings.
 
     on_lead: is called with the alerts that are not resolved, and what people did with these, whenever this monitor
     becomes the one that raises alerts.
@@ -97,26 +97,26 @@ class HistoryKeeper:
 
     @property
     def status(self) -> HistoryStatus:
-        """How it is doing."""
+        """The status of the history."""
         another_leads = self._follows and not self._problem
         pending = 0 if another_leads else len(self._ledger) + len(self._alerts)
         warnings = () if another_leads else self._upkeep.problems()
         return HistoryStatus(self._problem, self._leads, pending, self._ledger.lost, self._leader, warnings)
 
     def take(self, changes: Iterable[Change]) -> None:
-        """Take what changed in the inventory."""
+        """Take a change of the inventory."""
         if self._settings.history != NONE:
             self._sightings.take(changes)
 
     def alert(self, alert: Alert) -> None:
-        """Take an alert that changed."""
+        """Take a changed alert."""
         if self._settings.history != NONE:
             self._alerts[alert.id] = alert
             while len(self._alerts) > MAX_ALERTS:
                 del self._alerts[next(iter(self._alerts))]
 
     def act(self, act: Act) -> None:
-        """Take what somebody did with an alert."""
+        """Take an operator's action on an alert."""
         self.acts.take([act])
         if self._settings.history != NONE:
             self._new_acts.append(act)
@@ -128,11 +128,11 @@ class HistoryKeeper:
             self._attendance.note_gone(robot, self._heeded_ns)
 
     def trust_clock(self) -> None:
-        """Take that the clock of this machine is right, however long ago history was kept last."""
+        """Trust this machine's clock, however long ago the history was written last."""
         self._upkeep.trust_clock()
 
     async def restore(self) -> None:
-        """Give the inventory back what the database kept of it; before anything is taken.
+        """Restore the inventory from the database; call it before any other method.
 
         Raises:
             OtherVersionError: the database is another version's. One that cannot be had is waited for.
@@ -168,7 +168,7 @@ class HistoryKeeper:
         self._ledger.adopt(kept.intervals)
 
     async def run(self) -> None:
-        """Keep the history until cancelled; what is pending then is written."""
+        """Write the history until cancelled, then write pending rows."""
         if self._settings.history == NONE:
             return
         try:
@@ -182,7 +182,7 @@ class HistoryKeeper:
             await self._end()
 
     async def _watch(self) -> None:
-        """Note who comes and goes and what models disagree about, whether the database can be had or not."""
+        """Note presence and disagreements, whether the database is available or not."""
         while True:
             now_ns = time.time_ns()
             async for _ in in_turns(chain(self._attendance.note(now_ns), self._disagreements.note(now_ns))):
@@ -190,7 +190,7 @@ class HistoryKeeper:
             await asyncio.sleep(NOTE_S)
 
     async def _attempt(self) -> float:
-        """Write what there is to write; return after how many seconds to do so again."""
+        """Write pending rows; return the seconds until the next attempt."""
         try:
             if self._store is None:
                 # one that was there is waited for: whoever moved it may bring it back, and a new one has no users

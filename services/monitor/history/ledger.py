@@ -1,4 +1,4 @@
-"""The ledger of what lasts: what is open, and what is to be written of it. Pure."""
+"""The ledger of intervals: those that are open, and those to be written. Pure."""
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any, Final, Self, TypeVar, cast
@@ -11,7 +11,7 @@ MAX_PENDING: Final = 200_000
 
 
 class StoredInterval(msgspec.Struct, frozen=True, gc=False, kw_only=True):
-    """What was so at one place without a gap. Times are epoch nanoseconds, ours. open: it goes on."""
+    """A state at one place without a gap. Times are epoch nanoseconds, ours. open: it continues."""
 
     since_ns: int
     until_ns: int
@@ -19,15 +19,15 @@ class StoredInterval(msgspec.Struct, frozen=True, gc=False, kw_only=True):
 
     @property
     def place(self) -> Hashable:
-        """What it is about: of each kind one is open there at a time."""
+        """The place of the interval: at most one of each kind is open there at a time."""
         raise NotImplementedError
 
     def is_as(self, before: Self) -> bool:
-        """Whether it says the same as one before at its place, so that both are one where the gap is short."""
+        """Whether its content equals that of an earlier interval of its place; both merge over a short gap."""
         raise NotImplementedError
 
     def going_on_from(self, before: Self) -> Self:
-        """Return both as one."""
+        """Return both as one interval."""
         return replace(self, since_ns=before.since_ns)
 
 
@@ -38,7 +38,7 @@ _Key = tuple[_At, int]
 
 
 class Ledger:
-    """What is open of each kind, and what is to be written. lost: intervals given up because too many waited."""
+    """Open intervals of each kind, and those to be written. lost: intervals dropped because too many waited."""
 
     def __init__(self) -> None:
         self._open: dict[_At, StoredInterval] = {}
@@ -49,27 +49,27 @@ class Ledger:
         return len(self._pending)
 
     def opened(self, kind: type[L], place: Hashable) -> L | None:
-        """Return what is open at a place."""
+        """Return the open interval of a place."""
         return cast("L | None", self._open.get((kind, place)))
 
     def begin(self, new: StoredInterval) -> None:
-        """Take what begins, and goes on; what was open there ends."""
+        """Open an interval; the open one of its place ends."""
         self.end(type(new), new.place, new.since_ns)
         self._open[_at(new)] = new
         self.note([new])
 
     def end(self, kind: type[StoredInterval], place: Hashable, until_ns: int, **changes: Any) -> None:
-        """Have what is open at a place end, if anything is. changes: fields that are otherwise in the end."""
+        """End the open interval of a place, if any. changes: fields to set at its end."""
         old = self._open.pop((kind, place), None)
         if old is not None:
             self.note([replace(old, until_ns=max(old.since_ns, until_ns), open=False, **changes)])
 
     def drop(self, kind: type[StoredInterval], place: Hashable) -> None:
-        """Forget what is open at a place: another monitor says how it goes on."""
+        """Forget the open interval of a place: another monitor continues it."""
         self._open.pop((kind, place), None)
 
     def note(self, some: Iterable[StoredInterval]) -> None:
-        """Have intervals written as they stand."""
+        """Queue intervals for writing in their current state."""
         for each in some:
             at = _key(each)
             if at not in self._pending and len(self._pending) >= MAX_PENDING:
@@ -78,7 +78,7 @@ class Ledger:
             self._pending[at] = each
 
     def adopt(self, stored: Iterable[StoredInterval]) -> None:
-        """Go on with open intervals of the database, whose sightings the inventory was given back."""
+        """Continue open intervals of the database, whose sightings the inventory has restored."""
         self._open.update((_at(each), each) for each in stored if each.open)
 
     def merge(self, stored: Sequence[StoredInterval], heartbeat_ns: int, gap_ns: int, *, followed: bool) -> None:
@@ -117,24 +117,24 @@ class Ledger:
         self.note(self._open.values())
 
     def pending(self, at_most: int) -> Sequence[StoredInterval]:
-        """Return the oldest of what is to be written."""
+        """Return the oldest intervals to be written."""
         return [each for each, _ in zip(self._pending.values(), range(at_most), strict=False)]
 
     def written(self, some: Iterable[StoredInterval]) -> None:
-        """Forget what was written, unless it changed meanwhile."""
+        """Remove intervals that were written, unless they changed meanwhile."""
         for each in some:
             at = _key(each)
             if self._pending.get(at) is each:
                 del self._pending[at]
 
     def correct(self, corrected: Callable[[int], int]) -> None:
-        """Correct every time of what is open, and of what is to be written."""
+        """Correct all times of open and pending intervals."""
         self._open = {at: _corrected(each, corrected) for at, each in self._open.items()}
         pending = [_corrected(each, corrected) for each in self._pending.values()]
         self._pending = {_key(each): each for each in pending}
 
     def forget_pending(self, before_ns: int) -> None:
-        """Forget what goes on, and what ended before then: another monitor writes it."""
+        """Forget open intervals and those that ended before then: another monitor writes them."""
         self._pending = {
             key: each for key, each in self._pending.items() if not each.open and each.until_ns >= before_ns
         }

@@ -1,4 +1,4 @@
-"""Opening a database: its tables are this version's, or it is refused in words before they are misread."""
+"""Opens a database, and refuses one whose tables are of another version."""
 
 import asyncio
 import sqlite3
@@ -46,7 +46,7 @@ RETRY_S: Final = 0.05
 
 
 async def connect(engine: AsyncEngine, *, create: bool, complete: bool = False) -> AsyncConnection:
-    """Return a connection to a database. create: make it, and the tables, where there are none.
+    """Return a connection to a database. create: create missing databases and tables.
 
     complete: make tables that came later, where the others are.
 
@@ -90,7 +90,7 @@ def _check_there(file: Path) -> None:
 
 
 def begin_alone(connection: Connection) -> None:
-    """Begin a transaction that waits until no other one that began like this goes on, whoever's it is."""
+    """Begin a transaction that excludes all others begun like this, in any process."""
     connection.exec_driver_sql(BEGIN_ALONE[connection.dialect.name])
 
 

@@ -1,4 +1,4 @@
-"""Acts of people on alerts: who, what and when. Pure."""
+"""Operators' actions on alerts: who, what and when. Pure."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
@@ -18,7 +18,7 @@ MAX_ACTS: Final = 100
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """One thing that somebody did with an alert. state: what it became. who: a user's name. at_ns: epoch, ours."""
+    """One operator's action on an alert. state: the resulting state. who: a user's name. at_ns: epoch, ours."""
 
     alert_id: str
     state: AlertState
@@ -31,13 +31,13 @@ class Act:
 
 
 class Acts:
-    """The acts of each alert, in order."""
+    """The actions on each alert, in order."""
 
     def __init__(self) -> None:
         self._acts: OrderedDict[str, tuple[Act, ...]] = OrderedDict()
 
     def take(self, acts: Iterable[Act]) -> None:
-        """Remember acts; those of alerts not heard of for longest are forgotten when there are too many."""
+        """Remember actions; at the limit those of the least recently changed alerts are forgotten."""
         for act in acts:
             known = self._acts.get(act.alert_id, ())
             if act not in known:
@@ -52,12 +52,12 @@ class Acts:
             self._acts[name] = tuple(act.at_other_time(corrected) for act in acts)
 
     def of(self, alert_id: str) -> tuple[Act, ...]:
-        """Return what was done with an alert."""
+        """Return the actions on an alert."""
         return self._acts.get(alert_id, ())
 
 
 def resolved(alert: Alert, now_ns: int) -> Alert:
-    """Return an alert as it is once it is resolved."""
+    """Return an alert in its resolved state."""
     if alert.state is AlertState.RESOLVED:
         return alert
     return replace(alert, state=AlertState.RESOLVED, changed_ns=max(now_ns, alert.changed_ns + 1))

@@ -1,4 +1,4 @@
-"""Cameras that fall silent, and speak again: what they have in view ends in the history, and goes on. Pure."""
+"""Silent cameras: their open intervals end in the history, and reopen when they resume. Pure."""
 
 from services.monitor.history.intervals import Sightings
 from services.monitor.inventory.camera import CameraView
@@ -7,7 +7,7 @@ from services.monitor.inventory.inventory import Inventory
 
 
 class Silence:
-    """Enters in a ledger which cameras are silent."""
+    """Enters silent cameras in a ledger."""
 
     def __init__(self, inventory: Inventory, sightings: Sightings) -> None:
         self._inventory = inventory
@@ -15,11 +15,11 @@ class Silence:
         self.begin_anew()
 
     def begin_anew(self) -> None:
-        """Find the cameras that are silent in a database that has all as going on."""
+        """Find the silent cameras in a database that has all as live."""
         self._speaking = SpeakingCameras(self._inventory, self._speaks, speaks=True)
 
     def note(self, now_ns: int) -> None:
-        """End what cameras had in view that went silent, and resume it when they speak again."""
+        """End the intervals of cameras that fell silent, and reopen them when the cameras resume."""
         for camera in self._speaking.advance(now_ns):
             if camera.lost:
                 continue

@@ -1,4 +1,4 @@
-"""Who was there: robots' gateways, cameras that were spoken for, and monitors themselves. Pure."""
+"""Presence of robots' gateways, of live cameras and of monitors. Pure."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,7 +22,7 @@ RESTORED_NS: Final = 86_400 * NS
 
 
 class Presence(StoredInterval, frozen=True, gc=False):
-    """As long as a robot's gateway was there, a camera was spoken for, or one monitor raised alerts (neither named).
+    """An interval in which a gateway was online, a camera was live, or a monitor raised alerts (neither named).
 
     heard_ns: when the last class list of a camera came before it was thought silent.
     """
@@ -33,21 +33,21 @@ class Presence(StoredInterval, frozen=True, gc=False):
 
     @property
     def place(self) -> Place:
-        """Who was there."""
+        """The robot and camera of the interval."""
         return (self.robot, self.camera)
 
     def is_as(self, _: Self) -> bool:
-        """Whether one who was there a short while ago is there without a gap; the next monitor begins anew."""
+        """Whether an interval a short while ago continues; a monitor's own never does."""
         return self.place != MONITOR
 
 
 def presence_of(place: Place, since_ns: int) -> Presence:
-    """Return the open interval of who is there."""
+    """Return the open interval of a present member."""
     return Presence(since_ns=since_ns, until_ns=since_ns, open=True, robot=place[0], camera=place[1])
 
 
 class Attendance:
-    """Enters in a ledger who is there. It is told of whoever comes and goes, and looks at nobody who simply stays."""
+    """Enters presence in a ledger, from arrivals and departures only; members that stay cost nothing."""
 
     def __init__(self, inventory: Inventory, ledger: Ledger) -> None:
         self._inventory = inventory
@@ -58,7 +58,7 @@ class Attendance:
         self._settled_ns = 0
 
     def resume(self, stored: Iterable[Presence], now_ns: int) -> None:
-        """Take who was there when a monitor stopped a short while ago: who is back at once was there all along."""
+        """Take the members present when a monitor stopped a short while ago: one back at once was never absent."""
         self._before = {each.place: each.since_ns for each in stored if each.place != MONITOR}
         self._settled_ns = now_ns + SETTLE_NS
 
@@ -67,11 +67,11 @@ class Attendance:
         self._ledger.begin(presence_of(MONITOR, now_ns))
 
     def follow(self) -> None:
-        """Note that another one does."""
+        """Note that another monitor raises alerts."""
         self._ledger.drop(Presence, MONITOR)
 
     def note(self, now_ns: int) -> Iterator[None]:
-        """Enter who came and went, and yield after each of them: all may go at once."""
+        """Enter arrivals and departures, and yield after each: all may come at once."""
         if now_ns > self._settled_ns:
             self._before.clear()
         robots, cameras = self._news.robots, self._news.cameras
@@ -87,7 +87,7 @@ class Attendance:
             yield
 
     def note_gone(self, robot: str, now_ns: int) -> None:
-        """Enter that a robot is gone, though it was not looked at since."""
+        """Enter a robot's departure, though it was not looked at since."""
         self._note((robot, ""), now_ns, there=False)
 
     def _note(self, place: Place, now_ns: int, *, there: bool, heard_ns: int | None = None) -> None:
@@ -103,23 +103,23 @@ WRITE_S: Final = 30.0
 
 
 class KnownPoses:
-    """The poses of a map, and those of them that are not written yet."""
+    """The poses of a map, and those that are not written yet."""
 
     def __init__(self, places: SightingMap) -> None:
         self._places = places
         self._written: dict[str, Pose] = {}
 
     def restore(self, poses: Mapping[str, Pose]) -> None:
-        """Take those that a store kept."""
+        """Take stored poses."""
         self._written.update(poses)
         self._places.stand(poses)
 
     def pending(self) -> Iterator[tuple[str, Pose]]:
-        """Yield the robots with poses that are to be written; such as no database takes are none."""
+        """Yield the robots with unwritten poses that a database accepts."""
         for name, pose in list(self._places.poses.items()):
             if self._written.get(name) is not pose and all(map(math.isfinite, (pose.x, pose.y, pose.yaw))):
                 yield name, pose
 
     def written(self, poses: Mapping[str, Pose]) -> None:
-        """Take note that these are written."""
+        """Mark poses as written."""
         self._written.update(poses)

@@ -1,4 +1,4 @@
-"""Forgetting history that is older than it is to be kept, and making SQLite's file smaller afterwards."""
+"""Deletes history past its retention time, and shrinks SQLite's file afterwards."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -27,13 +27,13 @@ Step = Callable[[AsyncConnection], Awaitable[bool]]
 
 
 class Pruning:
-    """Forgets what ended before a time, and gives an SQLite file's free pages back."""
+    """Deletes rows that ended before a time, and returns an SQLite file's free pages."""
 
     def __init__(self) -> None:
         self._acts_from = ""
 
     def steps(self, before_ns: int) -> list[Step]:
-        """Return what there is to do, each a transaction of its own; a step returns whether that was all of it."""
+        """Return the steps, each its own transaction; a step returns whether it is complete."""
         return [
             *(_of_intervals(table, before_ns) for table in TABLES.values()),
             *(_of_robots(table, before_ns) for table in (poses, forgotten)),
@@ -94,7 +94,7 @@ async def _slice(
 
 
 async def shrink(connection: AsyncConnection) -> bool:
-    """Make an SQLite file smaller by some of its free pages, if it has many; return whether that was all.
+    """Release some free pages of an SQLite file that has many; return whether none are left to release.
 
     A file that an earlier release made keeps its size: its free pages are used again, see `compact`.
     """
@@ -113,7 +113,7 @@ LONG_S: Final = 3_600.0
 
 
 async def compact(url: str) -> str:
-    """Write an SQLite file anew, so that it shrinks by itself from then on; return in words what was done.
+    """Rewrite an SQLite file so that it shrinks by itself from then on; return a message about it.
 
     A file that an earlier release made does so only after this. It takes up to as much free disk as the file has twice:
     for SQLite's temporary copy in SQLITE_TMPDIR, else TMPDIR, else /var/tmp, and for `-wal` beside the file. A monitor

@@ -1,4 +1,4 @@
-"""What is kept as rows, and back."""
+"""Converts between objects and rows of the history."""
 
 from collections.abc import Mapping
 from typing import Any, Final, TypeVar
@@ -35,7 +35,7 @@ def row_of_lasting(of: StoredInterval) -> dict[str, Any]:
 
 
 def lasting_of_row(kind: type[L], row: Row[Any], heartbeat_ns: int = 0) -> L:
-    """Return the interval of a row; an open one goes on until the heartbeat.
+    """Return the interval of a row; an open one lasts until the heartbeat.
 
     Raises:
         SchemaError: names that nobody can have.
@@ -53,12 +53,12 @@ def lasting_of_row(kind: type[L], row: Row[Any], heartbeat_ns: int = 0) -> L:
 
 
 def row_of_pose(robot: str, pose: Pose) -> dict[str, Any]:
-    """Return the columns of where a robot is."""
+    """Return the columns of a robot's pose."""
     return {"robot": robot, "x": pose.x, "y": pose.y, "yaw": pose.yaw, "at_ns": pose.at_ns}
 
 
 def pose_of_row(row: Row[Any]) -> tuple[str, Pose]:
-    """Return the robot of a row, and where it is."""
+    """Return the robot of a row, and its pose."""
     check_name("robot", row.robot)
     return row.robot, Pose(row.x, row.y, row.yaw, row.at_ns)
 
@@ -92,5 +92,5 @@ def _storable(columns: dict[str, Any]) -> dict[str, Any]:
 
 
 def storable(text: str) -> str:
-    """Return a text as PostgreSQL takes it: without NUL."""
+    """Return a text with NUL replaced, which PostgreSQL refuses."""
     return text.replace("\0", "\N{SYMBOL FOR NULL}")

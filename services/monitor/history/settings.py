@@ -53,17 +53,17 @@ HistoryUrl = Annotated[str, BeforeValidator(_url)]
 
 
 def default_state() -> Path:
-    """Return the user's folder for what outlasts a process."""
+    """Return the user's folder for persistent state."""
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state") / "fleetsight"
 
 
 def default_url() -> str:
-    """Return where history is kept unless told otherwise."""
+    """Return the default URL of the history."""
     return f"sqlite:///{default_state() / 'history.db'}"
 
 
 class HistorySettings(BaseModel):
-    """Where and how long history is kept."""
+    """Location and retention time of the history."""
 
     heading: ClassVar = "history"
 

@@ -1,4 +1,4 @@
-"""How a history is doing. Pure."""
+"""The status of a history. Pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class HistoryStatus:
-    """How the history is doing.
+    """The status of the history.
 
     problem: why it is not being kept, in words, or empty. leads: this monitor is the one that raises alerts; while the
     database cannot be asked, that stays as it was, and whoever never could ask it raises them.

@@ -1,4 +1,4 @@
-"""The database of the history: one connection that writes, and holds the lock that says who does."""
+"""The database of the history: one writing connection, which also holds the leader's lock."""
 
 import asyncio
 import fcntl
@@ -80,7 +80,7 @@ L = TypeVar("L", bound=StoredInterval)
 
 
 class Store:
-    """One connection to the database. Every method raises HistoryError, after which the store is to be closed."""
+    """One connection to the database. Every method raises HistoryError, after which the store must be closed."""
 
     def __init__(self, engine: AsyncEngine, connection: AsyncConnection, files: OpenFiles | None) -> None:
         self._engine = engine
@@ -107,7 +107,7 @@ class Store:
         return store
 
     async def lead(self) -> bool:
-        """Become the one that writes and raises alerts, for as long as this is open; False while another one is."""
+        """Become the leader, which writes and raises alerts, until closed; return False while another one leads."""
         async with self._at_hand():
             if self._files is not None:
                 return self._lock is not None or self._lock_beside(self._files)
@@ -119,7 +119,7 @@ class Store:
             return taken
 
     async def leader(self) -> str:
-        """Return who leads, as host and process; empty if nobody does, or does not say."""
+        """Return the leader as host and process; empty if there is none or its name is unknown."""
         async with self._at_hand():
             if self._files is not None:
                 return await asyncio.to_thread(read_name, lock_of(self._files.file))
@@ -128,7 +128,7 @@ class Store:
             return found or ""
 
     async def load(self, since_ns: int) -> Kept:
-        """Return what goes on, and what ended since then."""
+        """Return the open intervals and those that ended since then."""
         at_ns = await self.heartbeat_ns()
         going_on: list[StoredInterval] = []
         async with self._at_hand():
@@ -154,7 +154,7 @@ class Store:
         return Kept(list(newest.values()), found, [act_of_row(row) for row in done], going_on, owed)
 
     async def last_present(self) -> Mapping[Place, int]:
-        """Return until when each robot and each camera was there, as far as that is kept."""
+        """Return until when each robot and each camera was present, as far as that is stored."""
         at_ns = await self.heartbeat_ns()
         async with self._at_hand():
             rows = (await self._connection.execute(newest_of_each(presence).limit(MAX_LOADED))).all()
@@ -163,7 +163,7 @@ class Store:
             return {there.place: there.until_ns for there in every}
 
     async def known_alerts(self, ids: Iterable[str]) -> set[str]:
-        """Return which of some alerts are kept."""
+        """Return the ones of some alerts that are stored."""
         async with self._at_hand():
             found = await self._connection.scalars(select(alerts.c.id).where(alerts.c.id.in_(list(ids))))
             known = set(found)
@@ -171,14 +171,14 @@ class Store:
             return known
 
     async def heartbeat_ns(self) -> int:
-        """Return when somebody wrote last; 0 if nobody did."""
+        """Return the time of the last write; 0 if there was none."""
         async with self._at_hand():
             found = await self._connection.scalar(select(heartbeat.c.at_ns))
             await self._connection.commit()
             return found or 0
 
     async def select(self, kind: type[L], *where: ColumnElement[bool], since_ns: int = 0) -> list[L]:
-        """Return the newest MAX_LOADED intervals that lasted until then, or go on until the heartbeat; oldest first."""
+        """Return the newest MAX_LOADED intervals that lasted until then, or until the heartbeat; oldest first."""
         at_ns = await self.heartbeat_ns()
         table = TABLES[kind]
         ended = table.c.open.is_(False) & (table.c.until_ns >= since_ns)
@@ -191,7 +191,7 @@ class Store:
             return sorted((lasting_of_row(kind, row, at_ns) for row in rows), key=lambda each: each.since_ns)
 
     async def poses(self, since_ns: int) -> dict[str, Pose]:
-        """Return where the robots were whose poses are of then, or newer."""
+        """Return the poses of robots that are of then, or newer."""
         async with self._at_hand():
             newest = poses.select().where(poses.c.at_ns >= since_ns).order_by(poses.c.at_ns.desc()).limit(MAX_MEMBERS)
             rows = (await self._connection.execute(newest)).all()
@@ -199,7 +199,7 @@ class Store:
             return dict(map(pose_of_row, rows))
 
     async def owe(self, waiting: Iterable[tuple[str, Alert]], taken: Iterable[tuple[str, str]]) -> None:
-        """Write which alerts webhooks, by name, did not take yet; and which they, by name and id, need not any more."""
+        """Write the alerts that webhooks, by name, have not accepted yet; delete others, by webhook name and id."""
         rows = [{"webhook": name, "alert_id": alert.id, "changed_ns": alert.changed_ns} for name, alert in waiting]
         at = webhook_backlog.c
         these = webhook_backlog.delete().where(at.webhook == bindparam("of"), at.alert_id == bindparam("id_"))
@@ -209,7 +209,7 @@ class Store:
                 await self._connection.execute(these, gone)
 
     async def write_poses(self, some: Mapping[str, Pose]) -> None:
-        """Write where robots are."""
+        """Write robots' poses."""
         async with self._at_hand(), self._connection.begin():
             await self._put(poses, [row_of_pose(robot, pose) for robot, pose in some.items()])
 
@@ -233,7 +233,7 @@ class Store:
         at_ns: int | None = None,
         done: Iterable[Act] = (),
     ) -> None:
-        """Write intervals, alerts and acts, all of them or none, and that everything open goes on at `at_ns`."""
+        """Write intervals, alerts and actions atomically, with the heartbeat at `at_ns`."""
         of_kind: dict[type[StoredInterval], list[StoredInterval]] = defaultdict(list)
         for each in some:
             of_kind[type(each)].append(each)
@@ -245,14 +245,14 @@ class Store:
             await self._put(heartbeat, [] if at_ns is None else [{"id": 1, "at_ns": at_ns}])
 
     async def clock_doubt(self) -> tuple[Doubt | None, bool]:
-        """Return why the clock was not believed, None if it was, and whether somebody said since that it is right."""
+        """Return why the clock was doubted, None if it was not, and whether an operator has trusted it since."""
         async with self._at_hand():
             row = (await self._connection.execute(clock_doubt.select())).one_or_none()
             await self._connection.commit()
             return (None, False) if row is None else (Doubt(row.believed_ns, row.doubted_ns), row.trusted)
 
     async def write_clock_doubt(self, doubt: Doubt) -> None:
-        """Write that the clock is not believed any more."""
+        """Write that the clock is doubted."""
         row = {"id": 1, "believed_ns": doubt.believed_ns, "doubted_ns": doubt.doubted_ns, "trusted": False}
         async with self._at_hand(), self._connection.begin():
             await self._put(clock_doubt, [row])
@@ -275,7 +275,7 @@ class Store:
             return await correct_some(self._connection)
 
     async def prune(self, before_ns: int) -> bool:
-        """Forget what ended before then, about SLICE rows of a kind at a time; return whether that was all.
+        """Delete rows that ended before then, about SLICE of a kind at a time; return whether all are deleted.
 
         Each kind has a transaction, and the time for it, of its own.
         """
@@ -297,7 +297,7 @@ class Store:
         return self._files is not None
 
     async def close(self) -> None:
-        """Let go of the connection and the lock; raises nothing."""
+        """Close the connection and release the lock; raises nothing."""
         with suppress(HistoryError):
             async with translating():
                 await self._connection.close()
@@ -321,7 +321,7 @@ class Store:
             await asyncio.to_thread(self._files.check)
 
     def _lock_beside(self, files: OpenFiles) -> bool:
-        """Lock a file beside the database: whoever opens and closes the database itself undoes SQLite's own locks."""
+        """Lock a file beside the database: opening and closing the database itself would release SQLite's own locks."""
         lock = lock_of(files.file)
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:

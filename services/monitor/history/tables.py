@@ -59,7 +59,7 @@ def _index_of_open(table: Table) -> Index:
 
 
 def lasted(table: Table, since_ns: int) -> ColumnElement[bool]:
-    """Return what finds the intervals that lasted until then, or go on."""
+    """Return the condition for intervals that lasted until then, or are open."""
     return (table.c.until_ns >= since_ns) | table.c.open
 
 
@@ -244,14 +244,14 @@ logins: Final = Table(
 
 @dataclass(frozen=True, slots=True)
 class Upsert:
-    """What writes rows of a table, over those that are there. values: of a row, as the statement has them."""
+    """The statement that inserts or replaces rows of a table. values: of a row, in the statement's order."""
 
     statement: str
     values: Callable[[Mapping[str, Any]], tuple[Any, ...]]
 
 
 def upsert_of(table: Table, dialect: Dialect) -> Upsert:
-    """Return what writes rows of a table of more than one column."""
+    """Return the upsert statement of a table with more than one column."""
     statement = (sqlite if dialect.name == "sqlite" else postgresql).insert(table)
     keys = [column.name for column in table.primary_key]
     others = {column.name: statement.excluded[column.name] for column in table.columns if column.name not in keys}
@@ -264,7 +264,7 @@ FOREVER_NS: Final = 2**63 - 1
 
 
 def places_of(table: Table) -> CTE:
-    """Return the places of a table, but for those of no robot, and one row of nulls.
+    """Return the places of a table, without those that name no robot, and one row of nulls.
 
     A place is all of the primary key but since_ns, its end. From each to the next it takes a step in the key's index.
     """

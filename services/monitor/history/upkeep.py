@@ -1,4 +1,4 @@
-"""What a history needs beside being written: old history is forgotten, unless the clock cannot be believed."""
+"""Maintenance of a history: deletes old rows, unless the clock is doubted."""
 
 import asyncio
 import logging
@@ -39,12 +39,12 @@ class Upkeep:
         self._problem = ""
 
     def problems(self) -> tuple[str, ...]:
-        """Say why old history is not forgotten."""
+        """Return why old history is not deleted, in lines."""
         doubt = self._clock.doubt
         return tuple(each for each in ("" if doubt is None else str(doubt), self._problem) if each)
 
     def trust_clock(self) -> None:
-        """Take that the clock is right."""
+        """Trust the clock."""
         self._is_trusted = True
 
     async def begin(self, store: Store) -> None:

@@ -1,4 +1,4 @@
-"""Alerts that webhooks did not take yet: kept, so that a restart loses none of them."""
+"""Persists alerts that webhooks have not accepted yet, so that a restart loses none."""
 
 from collections.abc import Iterable, Iterator
 from typing import Protocol
@@ -8,26 +8,26 @@ from services.monitor.history.store import Store
 
 
 class Owing(Protocol):
-    """Posts alerts to webhooks, each by the name of the rule file."""
+    """Posts alerts to webhooks, each by its name in the rule file."""
 
     def owe(self, alerts: Iterable[tuple[str, Alert]]) -> None:
-        """Take those that were not taken before a restart."""
+        """Take the alerts that were not accepted before a restart."""
 
     def owed(self) -> Iterator[tuple[str, Alert]]:
-        """Yield those that were not taken yet."""
+        """Yield the alerts that have not been accepted yet."""
 
     def owed_changes(self) -> int:
         """Return how often these have changed."""
 
 
 class Nothing:
-    """Owes nobody anything."""
+    """An empty backlog."""
 
     def owe(self, alerts: Iterable[tuple[str, Alert]]) -> None:
-        """Leave it."""
+        """Ignore the alerts."""
 
     def owed(self) -> Iterator[tuple[str, Alert]]:
-        """Yield none."""
+        """Yield nothing."""
         return iter(())
 
     def owed_changes(self) -> int:
@@ -36,7 +36,7 @@ class Nothing:
 
 
 class Owed:
-    """Writes what is owed, as far as that changed."""
+    """Writes changes of the backlog."""
 
     def __init__(self, owing: Owing) -> None:
         self._owing = owing

@@ -1,1 +1,1 @@
-"""What is in view of every camera, settled from class lists that flicker. Pure: time is an argument."""
+"""The objects in view of every camera, debounced from flickering class lists. Pure: time is an argument."""

@@ -1,4 +1,4 @@
-"""What is in view of one camera, as the model says that speaks for it. Pure."""
+"""The objects in view of one camera, by its primary model. Pure."""
 
 from collections.abc import Iterable, Iterator
 from itertools import chain
@@ -16,14 +16,14 @@ MAX_MODELS: Final = 4
 """How many models are followed on one camera, and how many second opinions."""
 
 AFTERMATH_NS: Final = 60 * NS
-"""How long a camera stays contested after its last second opinion has grown old, so that everybody sees that."""
+"""Time for which a camera stays contested after its last second opinion expired, so that all parts notice."""
 
 
 _NAME: Final = attrgetter("name")
 
 
 class CameraView:
-    """One camera's sightings. The model that was heard first speaks for it until it has been silent for a while.
+    """One camera's sightings. The first model heard is primary until it has been silent for a while.
 
     views: by model, those that may speak. opinions: by model, those that never do. vocabularies: read as they are when
     models are compared.
@@ -43,20 +43,20 @@ class CameraView:
 
     @property
     def last_ns(self) -> int:
-        """When the newest class list of the model that speaks came; 0 before the first."""
+        """The arrival time of the primary model's newest class list; 0 before the first."""
         return self.speaker.last_ns if self.speaker else 0
 
     @property
     def settled(self) -> bool:
-        """Whether enough lists came, without a gap, to tell what is not in view."""
+        """Whether enough lists came, without a gap, to tell that a class is absent."""
         return self.speaker is not None and self.speaker.settled
 
     def speaks(self, since_ns: int) -> bool:
-        """Whether what it says is of now: lists came since then, and not only the one that late subscribers get."""
+        """Whether the view is current: lists came since then, and not only the one that late subscribers get."""
         return self.speaker is not None and self.speaker.lists > 1 and self.last_ns >= since_ns and not self.lost
 
     def see(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int, lost_ns: int) -> list[Change] | None:
-        """Take a class list; None if it is a double or late.
+        """Take a class list; return None if it is a duplicate or late.
 
         silent_ns: how long the model that speaks may say nothing before another one speaks for the camera.
         lost_ns: after how long without a list what was in view is given up.
@@ -79,7 +79,7 @@ class CameraView:
         return [*lost, *(self._change(name, view) for name in moved)]
 
     def opine(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int) -> bool:
-        """Take the class list of a second opinion; return False if it is a double or late.
+        """Take the class list of a second opinion; return False if it is a duplicate or late.
 
         silent_ns: after how long without a list what was in view is not known to be any more.
         """
@@ -101,7 +101,7 @@ class CameraView:
         return len(self.views) > 1 or (bool(self.opinions) and self._opined_ns >= since_ns - AFTERMATH_NS)
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
-        """Take distances; return False if they are a double or late."""
+        """Take distances; return False if they are a duplicate or late."""
         if not self._distance_order.take(distances.header, at_ns):
             return False
         if self.speaker is not None:
@@ -111,11 +111,11 @@ class CameraView:
         return True
 
     def is_forsaken(self, since_ns: int) -> bool:
-        """Whether what is in view is to be given up: nobody has said so since then."""
+        """Whether the view has expired: no class list has arrived since then."""
         return self.last_ns < since_ns and self.speaker is not None and not self.lost
 
     def lose(self) -> list[Change]:
-        """Give up knowing what is in view: nobody has said so for too long."""
+        """Drop the view: no class list has arrived for too long."""
         self.lost = True
         return [
             Change(ChangeKind.LOST, sighting, closest_m=sighting.closest_m)
@@ -124,13 +124,13 @@ class CameraView:
         ]
 
     def set_back(self, now_ns: int) -> None:
-        """Have nothing be heard later than now: the clock was set back."""
+        """Cap all times at now: the clock was set back."""
         for view in chain(self.views.values(), self.opinions.values()):
             view.set_back(now_ns)
         self._distance_order.set_back(now_ns)
 
     def restore(self, sighting: Sighting) -> None:
-        """Take a sighting as it was when it was stored; whatever model it was of, the first one's speaks."""
+        """Take a stored sighting, whatever its model; the first model heard becomes primary."""
         view = self.speaker or self._add(sighting.model, sighting.last_ns)
         if sighting.count or len(view.classes) < MAX_CLASSES:
             tracked = view.classes[sighting.name] = Tracked(sighting.count)
@@ -146,12 +146,12 @@ class CameraView:
                 yield tracked.sighting(self.key, name, self.speaker.model, nearest_since_ns)
 
     def sighted(self) -> Iterator[tuple[str, Tracked]]:
-        """Yield each class that is or was in view, to be looked at only."""
+        """Yield each class that is or was in view; read only."""
         if self.speaker is not None:
             yield from ((name, tracked) for name, tracked in self.speaker.classes.items() if tracked.first_ns)
 
     def in_view(self) -> tuple[ClassCount, ...] | None:
-        """Return the settled count of each class in view, by name, or as it was last; None before that is known."""
+        """Return the settled or last count of each class in view, by name; None before it is known."""
         if self.speaker is None:
             return None
         counted = [
@@ -163,13 +163,13 @@ class CameraView:
         return tuple(counted) if counted or self.speaker.settled else None
 
     def others(self, since_ns: int) -> Iterator[ModelView]:
-        """Yield the models that spoke since then, often enough, other than the one that speaks for the camera."""
+        """Yield the other models that sent enough lists since then."""
         for view in chain(self.views.values(), self.opinions.values()):
             if view is not self.speaker and view.last_ns >= since_ns and view.settled:
                 yield view
 
     def disagreements(self, since_ns: int) -> dict[str, tuple[int, int]]:
-        """Return the classes of which two models that spoke since then settled on different counts: speaker's, other's.
+        """Return the classes on which two models settled on different counts since then: (primary, other).
 
         A class that one of them does not know is none: see `CameraView.knows`.
         """
@@ -193,7 +193,7 @@ class CameraView:
         return view
 
     def _hand_over(self, old: ModelView | None, new: ModelView) -> list[Change]:
-        """Have another model speak, which goes on with the sightings of the old one; return what changes by that."""
+        """Make another model primary, which continues the old one's sightings; return the changes."""
         self.speaker = new
         before = {} if old is None else {name: tracked for name, tracked in old.classes.items() if tracked.first_ns}
         moved = [
@@ -206,7 +206,7 @@ class CameraView:
         for name in moved:
             tracked = new.classes[name]
             tracked.came = name not in before or before[name].count.count == 0
-            if tracked.came:  # now, whatever this model counted before: the old one said otherwise
+            if tracked.came:  # now, as the earlier primary model did not count it
                 tracked.first_ns = tracked.count.since_ns
         for name, theirs in before.items():
             mine = new.classes.get(name)
@@ -229,7 +229,7 @@ class CameraView:
 
 
 def nearest_of(objects: Iterable[ObjectDistance]) -> dict[str, float]:
-    """Return how near the nearest object of each class is: straight where that is known, else along the axis."""
+    """Return the nearest object's distance of each class: straight if known, else along the optical axis."""
     nearest: dict[str, float] = {}
     for each in objects:
         if each.measured is not None:

@@ -1,4 +1,4 @@
-"""Which cameras speak, found without a look at each of those that simply go on. Pure."""
+"""Finds the live cameras without checking each camera that simply continues. Pure."""
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -10,14 +10,14 @@ from services.monitor.inventory.inventory import MAX_NS, Inventory
 
 AT_ONCE: Final = 500
 PARTS: Final = 5
-"""However many cameras there are, so many looks, or this part of all, hold up nobody for long."""
+"""Limits the checks per call to a number, or this part of all cameras, so that no call takes long."""
 
 Speaks = Callable[[CameraView, int], bool]
-"""Whether a camera speaks at a time; one that does goes on until `stale_ns` after its newest list, unless told of."""
+"""Whether a camera is live at a time; a live one stays so until `stale_ns` after its newest list, unless notified."""
 
 
 class SpeakingCameras:
-    """Follows which cameras of an inventory speak. One that does is looked at again when it could have fallen silent.
+    """Tracks the live cameras of an inventory. A live camera is checked again when it could have fallen silent.
 
     speaks: whether a new one counts as speaking before it was looked at.
     """
@@ -34,7 +34,7 @@ class SpeakingCameras:
         self._now_ns = 0
 
     def advance(self, now_ns: int, told: Iterable[CameraView] = ()) -> list[CameraView]:
-        """Return the cameras that began to speak, or ceased to, by `now_ns`. told: those to be looked at anyhow."""
+        """Return the cameras that became live or silent by `now_ns`. told: cameras to check in any case."""
         self._meet(list(islice(self._inventory.cameras(), self._known, None)), now_ns)
         looked_at = {*told, *self._due(now_ns)} - self._silent
         began = [view for view in self._silent if self._rule(view, now_ns)]
@@ -42,7 +42,7 @@ class SpeakingCameras:
         self._silent.difference_update(began)
         self._silent.update(ceased)
         for view in (*began, *looked_at.difference(ceased)):
-            newest_ns = min(view.last_ns, now_ns)  # a clock that was set back makes what came before of the future
+            newest_ns = min(view.last_ns, now_ns)  # after a clock was set back, earlier arrivals are in the future
             self._wait(view, max(now_ns, newest_ns + self._inventory.limits.stale_ns) + 1)
         return [*began, *ceased]
 
@@ -55,7 +55,7 @@ class SpeakingCameras:
             self._wait(view, now_ns)
 
     def _due(self, now_ns: int) -> Iterator[CameraView]:
-        """Take out whose time has come, some at once and the rest next time; everybody if the clock was set back."""
+        """Take out the due cameras, in batches; all of them if the clock was set back."""
         was_set_back, self._now_ns = now_ns < self._now_ns, now_ns
         until_ns = MAX_NS if was_set_back else now_ns
         most = len(self._deadlines) if was_set_back else max(AT_ONCE, len(self._deadlines) // PARTS)

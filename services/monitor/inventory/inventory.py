@@ -1,4 +1,4 @@
-"""The inventory: what every camera of the fleet has in view, and since when. Pure."""
+"""The inventory: the objects in view of every camera of the fleet, and since when. Pure."""
 
 from bisect import bisect_left, bisect_right, insort
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -16,21 +16,21 @@ from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.sighting import NS, Change, Debounce, Sighting
 
 MAX_MEMBERS: Final = 20_000
-"""How many robots, or cameras, are followed; whoever floods the bus with names fills no memory."""
+"""Maximum number of robots, or cameras, followed; a flood of names cannot fill memory."""
 
 MAX_NS: Final = 2**63 - 1
 
 SETTLE_NS: Final = 3 * NS
-"""How long after a monitor's start it is not known yet who is there."""
+"""Time after a monitor's start during which presence is still unknown."""
 
 
 class InventoryFullError(Exception):
-    """Too many robots or cameras to follow another one."""
+    """The limit of robots or cameras is reached."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrustLimits:
-    """When what cameras see is believed, in nanoseconds.
+    """Debouncing and time limits for trusting cameras, in nanoseconds.
 
     stale_ns: how old a camera's newest list may be for what it shows to be available, and for its model to speak.
     lost_ns: how long nothing may come before it is not known any more what is in view.
@@ -42,7 +42,7 @@ class TrustLimits:
 
 
 class Entry(msgspec.Struct, frozen=True, gc=False):
-    """A sighting, and whether what it says can be relied on now: its robot is online and its camera speaks."""
+    """A sighting, and whether it is current: its robot is online and its camera is live."""
 
     sighting: Sighting
     available: bool
@@ -50,19 +50,19 @@ class Entry(msgspec.Struct, frozen=True, gc=False):
 
 @dataclass(slots=True)
 class News:
-    """The cameras and robots that are new, came or went. Whoever follows them empties it."""
+    """The robots and cameras that are new, came or went. The follower empties it."""
 
     cameras: set[CameraKey] = field(default_factory=set)
     robots: set[str] = field(default_factory=set)
 
     def tell(self, robot: str) -> None:
-        """Tell of a robot; of no more than MAX_MEMBERS until they are taken."""
+        """Note a robot; at most MAX_MEMBERS until they are taken."""
         if len(self.robots) < MAX_MEMBERS:
             self.robots.add(robot)
 
 
 class Inventory:
-    """What every camera of the fleet has in view. Times are nanoseconds since the epoch on this machine's clock.
+    """The objects in view of every camera. Times are nanoseconds since the epoch on this machine's clock.
 
     Every method that may add a member raises InventoryFullError when there are MAX_MEMBERS already.
     """
@@ -81,7 +81,7 @@ class Inventory:
         self._ticked_ns = MAX_NS
 
     def follow(self) -> News:
-        """Return what is told from now on of each camera and robot that is new, comes or goes, for good."""
+        """Return an object that collects each new, arriving or departing robot and camera from now on."""
         self._followers.append(News(set(self._cameras), {*self._alive, *(key.robot for key in self._cameras)}))
         return self._followers[-1]
 
@@ -94,7 +94,7 @@ class Inventory:
         self._tell(robot)
 
     def forget(self, robot: str) -> None:
-        """Leave a robot whose gateway is gone, and its cameras, out of every list until the gateway is back.
+        """Leave an offline robot and its cameras out of every list until its gateway is back.
 
         What is heard of it meanwhile is taken as of any other one.
         """
@@ -106,7 +106,7 @@ class Inventory:
         self._in_order = [key for key in self._in_order if key.robot != robot]
 
     def is_forgotten(self, robot: str) -> bool:
-        """Whether nobody misses a robot: see `forget`."""
+        """Whether a robot was forgotten: see `forget`."""
         return robot in self._forgotten
 
     def _remember(self, robot: str) -> None:
@@ -127,16 +127,16 @@ class Inventory:
             news.cameras.add(key)
 
     def worker_reports(self, service: str, worker: str, classes: Iterable[str]) -> None:
-        """Take which classes a worker says it reports when they are in view."""
+        """Take the classes that a worker reports."""
         make_room(self._vocabularies, (service, worker))
         self._vocabularies[service, worker] = frozenset(classes)
 
     def forget_worker(self, service: str, worker: str) -> None:
-        """Forget what a worker said."""
+        """Forget a worker's classes."""
         self._vocabularies.pop((service, worker), None)
 
     def see(self, seen: ClassList, at_ns: int) -> list[Change] | None:
-        """Take a class list about what was in view at `at_ns`; return what changed, or None if it is a double or late.
+        """Take a class list of a view at `at_ns`; return its changes, or None if it is a duplicate or late.
 
         Lists of one camera are to come in order, but a clock that was set back is lived with.
         """
@@ -148,7 +148,7 @@ class Inventory:
         return changes
 
     def opine(self, seen: ClassList, at_ns: int) -> bool:
-        """Take a second opinion on what was in view at `at_ns`; return False if it is a double, late or on no camera.
+        """Take a second opinion of a view at `at_ns`; return False if it is a duplicate, late or on no camera.
 
         A camera has to be known for it: an opinion alone makes none.
         """
@@ -159,11 +159,11 @@ class Inventory:
         return camera.opine(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
-        """Take distances; return False if they are a double or late."""
+        """Take distances; return False if they are a duplicate or late."""
         return self._camera(camera_key(distances.header.robot, distances.header.camera)).measure(distances, at_ns)
 
     def tick(self, now_ns: int) -> list[Change]:
-        """Let time pass; return what is not known any more."""
+        """Advance time; return the sightings that became unknown."""
         if now_ns < self._ticked_ns:
             self.set_back(now_ns)
         self._ticked_ns = now_ns
@@ -173,12 +173,12 @@ class Inventory:
         return [change for camera in silent for change in camera.lose()]
 
     def set_back(self, now_ns: int) -> None:
-        """Have nothing be heard or seen later than now: the clock was set back."""
+        """Cap all times at now: the clock was set back."""
         for each in self._cameras.values():
             each.set_back(now_ns)
 
     def restore(self, sightings: Iterable[Sighting]) -> None:
-        """Take the sightings that a store kept, before anything else is taken; those over the limits are left out.
+        """Take stored sightings, before anything else is taken; those over the limits are left out.
 
         The model of the newest one speaks for a camera, as after one that went silent, and goes on with all of them.
         """
@@ -187,7 +187,7 @@ class Inventory:
                 self._camera(sighting.key).restore(sighting)
 
     def recall(self, there: Mapping[tuple[str, str], int], since_ns: int) -> None:
-        """Take until when robots, and cameras (else ''), were there, as a store kept it; before anything else is taken.
+        """Take stored times until which robots, and cameras (else ''), were present, before anything else is taken.
 
         Who follows is told of those that were there at `since_ns`, or later; cameras that were not are left out, and
         so are those over the limit, the longest ago first.
@@ -201,48 +201,48 @@ class Inventory:
                 self._camera(CameraKey(robot, camera))
 
     def recalled(self) -> Mapping[str, int]:
-        """Return the robots that were there before the monitor was, and until when."""
+        """Return the robots that were present before this monitor started, and until when."""
         return self._recalled
 
     def is_alive(self, robot: str) -> bool:
-        """Whether a robot's gateway is there."""
+        """Whether a robot's gateway is online."""
         return robot in self._alive
 
     def robots(self) -> AbstractSet[str]:
-        """Return the robots whose gateways are there."""
+        """Return the robots whose gateways are online."""
         return self._alive
 
     def cameras(self) -> Collection[CameraView]:
-        """Return every camera ever heard of; to be looked at only."""
+        """Return every camera ever seen; read only."""
         return self._cameras.values()
 
     def in_order(self, robot: str = "") -> tuple[CameraKey, ...]:
-        """Return every camera ever heard of, or those of one robot, by robot and name; none of a forgotten robot."""
+        """Return every camera ever seen, or those of one robot, by robot and name; without forgotten robots."""
         return tuple(of_robot(self._in_order, robot) if robot else self._in_order)
 
     def camera(self, key: CameraKey) -> CameraView | None:
-        """Return one camera, to be looked at only."""
+        """Return one camera; read only."""
         return self._cameras.get(key)
 
     def disputed(self) -> AbstractSet[CameraKey]:
-        """Return the cameras at which several models ever looked, or on which a second opinion came lately."""
+        """Return the cameras on which several models ever reported, or a second opinion came recently."""
         return self._disputed
 
     def online(self, key: CameraKey) -> bool:
-        """Whether a camera and its robot's gateway are there."""
+        """Whether a camera and its robot's gateway are online."""
         return key in self._present and key.robot in self._alive
 
     def speaks(self, camera: CameraView, now_ns: int) -> bool:
-        """Whether what a camera shows is of now."""
+        """Whether a camera's view is current."""
         return self.online(camera.key) and camera.speaks(now_ns - self.limits.stale_ns)
 
     def entries(self, now_ns: int, *, robot: str = "", camera: str = "", name: str = "") -> Iterator[Entry]:
-        """Yield what is or was in view, as `in_order`, and by class; of one of them if it is named."""
+        """Yield the sightings, ordered as by `in_order` and then class; of one robot or camera if it is named."""
         for key in [key for key in self.in_order(robot) if camera in ("", key.camera)]:
             yield from (entry for entry in self.entries_of(key, now_ns) if name in ("", entry.sighting.name))
 
     def entries_of(self, key: CameraKey, now_ns: int) -> list[Entry]:
-        """Return what is or was in view of a camera, by class."""
+        """Return a camera's sightings, by class."""
         view = self._cameras[key]
         available = self.speaks(view, now_ns)
         of = sorted(view.sightings(now_ns - self.limits.stale_ns), key=attrgetter("name"))
@@ -262,7 +262,7 @@ class Inventory:
 
 
 def of_robot(in_order: Sequence[CameraKey], robot: str) -> Sequence[CameraKey]:
-    """Return a robot's cameras among some that are in order."""
+    """Return a robot's cameras from an ordered sequence."""
     name_of = attrgetter("robot")
     return in_order[bisect_left(in_order, robot, key=name_of) : bisect_right(in_order, robot, key=name_of)]
 

@@ -1,4 +1,4 @@
-"""A sighting: one class in view of one camera, from when it was seen first to when it was seen last."""
+"""A sighting: one class in view of one camera, from first seen to last seen."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -31,17 +31,17 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
 
 
 class ChangeKind(StrEnum):
-    """What became of a sighting."""
+    """The kind of a sighting's change."""
 
     APPEARED = "appeared"
     COUNTED = "counted"
     VANISHED = "vanished"
     LOST = "lost"
-    """Nobody says any more whether it is still there."""
+    """No class list tells any more whether it is still in view."""
 
 
 class Change(msgspec.Struct, frozen=True, gc=False):
-    """What became of a sighting.
+    """A change of a sighting.
 
     first_look: it was there when somebody began to look, nobody saw it come. closest_m: the nearest that any came while
     the count was the one before.
@@ -58,7 +58,7 @@ NS: Final = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class Debounce:
-    """How many class lists in a row, and for how long, must say more (or fewer) before the count follows."""
+    """The number of consecutive class lists, and the time, for which more (or fewer) must show to move the count."""
 
     appear_lists: int = 2
     appear_ns: int = 0
@@ -67,7 +67,7 @@ class Debounce:
 
 
 class DebouncedCount:
-    """How many objects of one class are in view, moved only by lists that agree.
+    """The number of objects of one class in view; it follows only consistent lists.
 
     While lists in a row say more than `count`, the least that they all say is taken once they are enough; the same
     the other way round. since_ns: when the first of the lists that moved `count` last came.
@@ -83,7 +83,7 @@ class DebouncedCount:
         self._run_ns = 0
 
     def advance(self, seen: int, at_ns: int, debounce: Debounce) -> bool:
-        """Take what the list of `at_ns` says; return whether `count` moved."""
+        """Take the count in the list of `at_ns`; return whether `count` changed."""
         if seen == self.count:
             self._lists = 0
             return False

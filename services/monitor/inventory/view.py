@@ -1,4 +1,4 @@
-"""What one model says about one camera. Pure."""
+"""The view of one model on one camera. Pure."""
 
 from collections.abc import Iterable, Mapping
 from collections.abc import Set as AbstractSet
@@ -11,10 +11,10 @@ from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Debounce, DebouncedCount, Sighting
 
 MAX_BOOTS: Final = 4
-"""How many of a gateway's processes are remembered; what an outlived one sent is late."""
+"""Maximum number of a gateway's processes remembered; messages of a replaced one are late."""
 
 QUIET_NS: Final = 3_000_000_000
-"""How long the newest process has said nothing when one that it outlived is heard again: it runs on, alone."""
+"""Silence of the newest process after which a replaced one is accepted again: it is the only one running."""
 
 
 class FrameOrder:
@@ -44,7 +44,7 @@ class FrameOrder:
         return True
 
     def set_back(self, now_ns: int) -> None:
-        """Have nothing be heard later than now: the clock was set back."""
+        """Cap all times at now: the clock was set back."""
         self._at_ns = min(self._at_ns, now_ns)
 
 
@@ -56,11 +56,11 @@ MAX_CLASSES: Final = 64
 
 
 REPLAY_NS: Final = NS
-"""After a restart the lists that publishers kept come within this time: many were taken in before it."""
+"""Time after a restart within which the lists kept by publishers arrive: many were taken before it."""
 
 
 class Tracked:
-    """One class in a view: its settled count, and its sighting while there is one, or the last.
+    """One class in a view: its settled count, and its current or last sighting.
 
     closest_m: the nearest that any came since the count last moved; before_m: the same until then. came: whether it
     came into view when the count last moved. listed: the number of the view's newest list that named it.
@@ -94,7 +94,7 @@ class Tracked:
         self.listed = 0
 
     def advance(self, seen: ClassCount, worker: str, at_ns: int, debounce: Debounce) -> bool:
-        """Take what a list says of the class; return whether the count moved."""
+        """Take the class's count of a list; return whether the settled count changed."""
         if seen.count:
             self.score, self.worker, self.last_ns = seen.score, worker, at_ns
         was_gone = self.count.count == 0
@@ -106,28 +106,28 @@ class Tracked:
         return True
 
     def move(self, *, came: bool) -> None:
-        """Note that the count moved, and begin a new nearest distance."""
+        """Note that the count changed, and reset the nearest distance."""
         self.came = came
         self.before_m, self.closest_m = self.closest_m, None
 
     def set_back(self, now_ns: int) -> None:
-        """Have nothing be seen later than now: the clock was set back."""
+        """Cap all times at now: the clock was set back."""
         self.first_ns, self.last_ns = min(self.first_ns, now_ns), min(self.last_ns, now_ns)
         self.nearest_ns = min(self.nearest_ns, now_ns)
         self.count.since_ns = min(self.count.since_ns, now_ns)
 
     def measure(self, nearest_m: float | None, at_ns: int) -> None:
-        """Note how near the nearest is."""
+        """Note the nearest distance."""
         self.nearest_m, self.nearest_ns = nearest_m, at_ns
         if nearest_m is not None:
             self.closest_m = nearest_m if self.closest_m is None else min(self.closest_m, nearest_m)
 
     def nearest_since(self, since_ns: int) -> float | None:
-        """Return how near the nearest in view is; a distance older than `since_ns` is not known any more."""
+        """Return the nearest distance in view; one older than `since_ns` is unknown."""
         return self.nearest_m if self.count.count and self.nearest_ns >= since_ns else None
 
     def sighting(self, key: CameraKey, name: str, model: str, nearest_since_ns: int = 0) -> Sighting:
-        """Return it as it stands; a distance older than `nearest_since_ns` is not known any more."""
+        """Return the current sighting; a distance older than `nearest_since_ns` is unknown."""
         return Sighting(
             key=key,
             name=name,
@@ -176,27 +176,27 @@ class ModelView:
         self._listed_ns = began_ns
 
     def begin_anew(self, at_ns: int) -> None:
-        """Look again after a gap: what was in view then is not known to be now."""
+        """Start over after a gap: the earlier view is no longer known to hold."""
         self.began_ns, self.lists, self.settled = at_ns, 0, False
         for tracked in self.classes.values():
             tracked.count, tracked.listed = DebouncedCount(), 0
 
     def set_back(self, now_ns: int) -> None:
-        """Have nothing have come later than now: the clock was set back."""
+        """Cap all arrival times at now: the clock was set back."""
         self.last_ns, self._listed_ns = min(self.last_ns, now_ns), min(self._listed_ns, now_ns)
         self.order.set_back(now_ns)
         for tracked in self.classes.values():
             tracked.set_back(now_ns)
 
     def speak(self, moved: Iterable[str], since_ns: int) -> None:
-        """Speak for a camera since then, of which another model said otherwise about these classes until then."""
+        """Become the primary model since then, replacing one that reported otherwise about these classes until then."""
         self.began_ns = max(self.began_ns, since_ns)
         for tracked in (self.classes[name] for name in moved):
             tracked.first_ns = max(tracked.first_ns, since_ns)
             tracked.count.since_ns = max(tracked.count.since_ns, since_ns)
 
     def advance(self, seen: ClassList, at_ns: int, debounce: Debounce) -> list[str]:
-        """Take a class list that is news; return the classes whose count moved."""
+        """Take a new class list; return the classes whose count changed."""
         if self.lists == 0:
             self._listed_ns = at_ns
             if at_ns > self.began_ns:
@@ -219,11 +219,11 @@ class ModelView:
         return moved
 
     def count_of(self, name: str) -> int:
-        """Return how many of a class are in view."""
+        """Return the number of objects of a class in view."""
         return self.classes[name].count.count if name in self.classes else 0
 
     def knows(self, name: str, vocabularies: Vocabularies) -> bool:
-        """Whether it would report a class: its worker says so, or it has done it here."""
+        """Whether it can report a class: its worker declares it, or it was reported here."""
         ever = name in self.classes and self.classes[name].first_ns > 0
         return ever or name in vocabularies.get((self.service, self.worker), ())
 
@@ -232,7 +232,7 @@ class ModelView:
         absent = [(name, tracked) for name, tracked in self.classes.items() if tracked.listed != self.lists]
         for name, tracked in absent:
             if tracked.count.count == 0 and tracked.first_ns == 0:
-                del self.classes[name]  # a flicker
+                del self.classes[name]  # flickered only
             elif tracked.count.advance(0, at_ns, debounce):
                 tracked.move(came=False)
                 moved.append(name)

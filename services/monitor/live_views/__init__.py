@@ -1,1 +1,1 @@
-"""What people look at: streams that are subscribed to for exactly as long as somebody looks."""
+"""Live views: streams that are subscribed to only while somebody watches them."""

@@ -1,4 +1,4 @@
-"""A moving picture for a browser's `<img>`: multipart/x-mixed-replace, each part the newest frame there is."""
+"""MJPEG for a browser's `<img>`: multipart/x-mixed-replace, each part the newest frame."""
 
 import asyncio
 from collections import Counter
@@ -26,16 +26,16 @@ NOTHING: Final = (
     b"GIF89a\x01\x00\x01\x00\x80\x00\x00\x00\x00\x00\xff\xff\xff!\xf9\x04\x01\x00\x00\x00\x00"
     b",\x00\x00\x00\x00\x01\x00\x01\x00\x00\x02\x02D\x01\x00;"
 )
-"""A transparent pixel, until the first frame comes."""
+"""A transparent pixel, sent until the first frame arrives."""
 
 REPEAT_S: Final = 5.0
-"""With nothing new the last frame is sent again after this: of a browser that vanished nothing else tells."""
+"""Seconds after which the last frame is sent again: only a failed send reveals that a browser vanished."""
 
 GONE_S: Final = 10.0
-"""Who takes nothing of what is sent for so long has gone."""
+"""Seconds after which a client that takes no data counts as gone."""
 
 MOST_OF_VISITOR: Final = 24
-"""Pictures that one visitor looks at, so that there are some left for others."""
+"""Maximum number of pictures per visitor, so that some are left for others."""
 
 START: Final[Message] = {
     "type": "http.response.start",
@@ -49,7 +49,7 @@ START: Final[Message] = {
 
 
 class MjpegStreams:
-    """Answers requests for a camera's overlay, each for as long as the browser takes it. An ASGI application.
+    """Streams a camera's overlay for as long as the browser takes it. An ASGI application.
 
     The route's parameters are robot, camera and stream. The overlay is looked at from the request to the end of the
     connection. A slow browser gets fewer frames, never older ones.
@@ -62,7 +62,7 @@ class MjpegStreams:
         self._gone_s = gone_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send frames until the browser is gone, or its user logged out."""
+        """Send frames until the browser disconnects or its user logs out."""
         visitor = visitor_of(Request(scope))
         async with AsyncExitStack() as stack:
             try:
@@ -88,7 +88,7 @@ class MjpegStreams:
     @contextmanager
     def _counted(self, name: str) -> Iterator[None]:
         if self._looks[name] >= MOST_OF_VISITOR:
-            raise CrowdedError(f"you look at {MOST_OF_VISITOR} pictures already; close another view first")
+            raise CrowdedError(f"you already have {MOST_OF_VISITOR} pictures open; close another view first")
         self._looks[name] += 1
         try:
             yield
@@ -98,7 +98,7 @@ class MjpegStreams:
                 del self._looks[name]
 
     async def _send_frames(self, newest: Newest[ImageFrame], visitor: Visitor, send: Send) -> None:
-        """Send until a part is not taken in time, or whoever looks may not any more."""
+        """Send until a part is not taken in time, or the visitor has lost permission."""
         parts = [START, _body(f"--{BOUNDARY}\r\n".encode() + _part("image/gif", NOTHING))]
         shown = 0
         with suppress(TimeoutError):
@@ -118,18 +118,18 @@ class MjpegStreams:
 
 
 def path_of(key: StreamKey) -> str:
-    """Return where a browser finds an overlay; names of robots and cameras are safe in URLs."""
+    """Return the URL path of an overlay; names of robots and cameras are safe in URLs."""
     return f"/pictures/{key.camera.robot}/{key.camera.camera}/{key.stream}"
 
 
 def _overlay(robot: str, camera: str, stream: str) -> StreamKey:
     if stream not in OVERLAYS:
-        raise SchemaError(f"{stream[:64]!r} is not a picture; there are {', '.join(OVERLAYS)}")
+        raise SchemaError(f"{stream[:64]!r} is not a picture; use one of {', '.join(OVERLAYS)}")
     return StreamKey(CameraKey(robot, camera), Stream(stream))
 
 
 def picture_part(frame: ImageFrame | None) -> bytes:
-    """Return a frame as one part and the boundary after it, which makes browsers show the part at once."""
+    """Return a frame as one part followed by the boundary, which makes browsers show the part at once."""
     kind = KINDS.get(frame.format) if frame else None
     return _part(kind, bytes(frame.data)) if frame and kind else _part("image/gif", NOTHING)
 

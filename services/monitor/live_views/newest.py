@@ -1,4 +1,4 @@
-"""The newest message of a stream of pictures or clouds, for any number of people who look at it."""
+"""The newest message of a stream of pictures or clouds, shared by all viewers."""
 
 import asyncio
 from typing import Final, Generic, TypeVar
@@ -15,16 +15,16 @@ from schemas.objects import ObjectClouds
 from services.monitor.live_views.shared import Shared
 
 MOST_STREAMS: Final = 64
-"""How many different streams are looked at through one monitor at the same time."""
+"""Maximum number of different streams watched through one monitor at the same time."""
 
 MOST_LISTS: Final = 64
-"""How many class lists of one camera are kept: a picture comes some frames after the list of its own."""
+"""Class lists kept per camera: a picture arrives some frames after its own list."""
 
 M = TypeVar("M", bound=Message)
 
 
 class Newest(Generic[M]):
-    """The newest message. number: how many came. received_ns: when it came. problem: why the last one was no good."""
+    """The newest message. number: messages so far. received_ns: arrival time. problem: the last one's error."""
 
     def __init__(self) -> None:
         self.message: M | None = None
@@ -34,35 +34,35 @@ class Newest(Generic[M]):
         self._news = asyncio.Event()
 
     def take(self, message: M, received_ns: int) -> None:
-        """Take a newer one; whoever waits is told."""
+        """Take a newer message, and wake those who wait."""
         self.message, self.received_ns, self.problem = message, received_ns, ""
         self.number += 1
         news, self._news = self._news, asyncio.Event()
         news.set()
 
     async def after(self, number: int) -> M:
-        """Wait until more than `number` came; return the newest. Who is slow misses those in between."""
+        """Wait until more than `number` messages came; return the newest. Slow readers miss those in between."""
         while self.message is None or self.number <= number:
             await self._news.wait()
         return self.message
 
 
 class FrameLists(Newest[ClassList]):
-    """The newest class lists of a camera, by the frame that each is about."""
+    """The newest class lists of a camera, by frame."""
 
     def __init__(self) -> None:
         super().__init__()
         self._of: dict[tuple[str, int], ClassList] = {}
 
     def take(self, message: ClassList, received_ns: int) -> None:
-        """Take a newer one; the oldest over MOST_LISTS is forgotten."""
+        """Take a newer list; the oldest over MOST_LISTS is dropped."""
         super().take(message, received_ns)
         self._of[message.header.boot_id, message.header.seq] = message
         if len(self._of) > MOST_LISTS:
             del self._of[next(iter(self._of))]
 
     def of(self, frame: Header) -> ClassList | None:
-        """Return what a model counted in a frame; None if that is not known."""
+        """Return a model's counts in a frame; None if unknown."""
         return self._of.get((frame.boot_id, frame.seq))
 
 
@@ -74,17 +74,17 @@ OVERLAYS: Final = (Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)
 
 
 def pictures(bus: Bus) -> Pictures:
-    """Return the overlays that people look at; each is subscribed to, and so drawn, while at least one does."""
+    """Return the watched overlays; each is subscribed to, and so drawn, while somebody watches it."""
     return Shared(_nothing, lambda key, newest: follow(bus, key, ImageFrame, newest), MOST_STREAMS)
 
 
 def clouds(bus: Bus) -> Clouds:
-    """Return the object clouds that people look at; each is subscribed to, and so cut out, while at least one does."""
+    """Return the watched object clouds; each is subscribed to, and so computed, while somebody watches it."""
     return Shared(_nothing, lambda key, newest: follow(bus, key, ObjectClouds, newest), MOST_STREAMS)
 
 
 def lists(bus: Bus) -> Lists:
-    """Return what was counted in each of the newest frames of the cameras that people look at."""
+    """Return the counts in each of the newest frames of the watched cameras."""
     return Shared(
         lambda _: FrameLists(), lambda key, newest: follow(bus, key, ClassList, newest, QUEUE(MOST_LISTS)), MOST_STREAMS
     )
@@ -95,7 +95,7 @@ def _nothing(_: StreamKey) -> Newest[M]:
 
 
 async def follow(bus: Bus, key: StreamKey, schema: type[M], newest: Newest[M], keep: Latest | Queue = LATEST) -> None:
-    """Subscribe to the stream until cancelled; what it is no good for is left out and said."""
+    """Subscribe to the stream until cancelled; unusable messages are left out and reported."""
     async with bus.subscribe(str(key), keep, history=False) as subscription:
         async for sample in subscription:
             try:

@@ -1,4 +1,4 @@
-"""What a browser draws of ObjectClouds in 3D: some of the points, in colour, and upright boxes; z is up. Pure."""
+"""The 3D scene of ObjectClouds for a browser: some coloured points and upright boxes; z is up. Pure."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -13,21 +13,21 @@ from services.geometry.rotation import matrix_of, moved
 Numbers = NDArray[np.float64]
 
 MOST_POINTS: Final = 6_000
-"""Points that are sent to a browser at once; of more, some are taken, evenly."""
+"""Maximum number of points per scene; of more, an even selection is sent."""
 
 FARTHEST_M: Final = 10_000.0
-"""What is farther away, or NaN, is no point."""
+"""Points farther away, or NaN, are left out."""
 
 GREY: Final = 190
 FROM_OPTICAL: Final = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Turns what a camera sees (x right, y down, z ahead) to x ahead, y left, z up."""
+"""Rotates from the optical frame (x right, y down, z ahead) to x ahead, y left, z up."""
 
 _OPTICAL_UP: Final = -0.5
 
 
 @dataclass(frozen=True, slots=True)
 class SolidBox:
-    """A box: metres, size along its own axes; rotation: whose columns these axes are."""
+    """A box: size in metres along its own axes; rotation: its columns are these axes."""
 
     centre: tuple[float, float, float]
     size: tuple[float, float, float]
@@ -36,7 +36,7 @@ class SolidBox:
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """One object. xyz: (n, 3) in metres, rgb: (n, 3), 0 to 1. count: how many points it has in all.
+    """One object. xyz: (n, 3) in metres, rgb: (n, 3), 0 to 1. count: the object's points in all.
 
     distance_m: from the frame's origin to its centroid.
     """
@@ -51,7 +51,7 @@ class Solid:
 
 
 def solids_of(seen: ObjectClouds, only: int | None = None) -> list[Solid]:
-    """Return what is drawn, in the target frame where it is known, else as the sensor sees it, turned upright.
+    """Return the objects, in the target frame if known, else in the sensor's, turned upright.
 
     only: the index of the one object that is wanted; all of them unless given.
     """
@@ -61,7 +61,7 @@ def solids_of(seen: ObjectClouds, only: int | None = None) -> list[Solid]:
 
 
 def frame_of(seen: ObjectClouds) -> str:
-    """Return the name of the frame that solids are drawn in."""
+    """Return the name of the frame in which objects are drawn."""
     return seen.target.frame_id if seen.target else seen.header.frame_id
 
 
@@ -113,5 +113,5 @@ def _three(numbers: Numbers) -> tuple[float, float, float]:
 
 
 def rounded(numbers: Numbers) -> list[list[float]]:
-    """Return numbers to the thousandth, as they are sent to browsers."""
+    """Return numbers rounded to thousandths, as sent to browsers."""
     return np.round(numbers, 3).tolist()  # type: ignore[no-any-return]

@@ -1,4 +1,4 @@
-"""Work that several share: it begins with the first of them and ends with the last."""
+"""Shared work: it begins with its first user and ends with the last."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Coroutine, Hashable
@@ -11,7 +11,7 @@ S = TypeVar("S")
 
 
 class CrowdedError(Exception):
-    """As many different things are looked at as may be."""
+    """The limit of different things in use is reached."""
 
 
 @dataclass(slots=True)
@@ -22,7 +22,7 @@ class _Holding(Generic[S]):
 
 
 class Shared(Generic[K, S]):
-    """States that are kept up to date while somebody holds them, by key. To be used on the event loop's thread.
+    """States that are kept up to date while held, by key. For the event loop's thread only.
 
     make: makes a key's state. follow: keeps it up to date for ever. most: how many keys are held at once.
     """
@@ -37,17 +37,17 @@ class Shared(Generic[K, S]):
 
     @property
     def keys(self) -> list[K]:
-        """What is held now."""
+        """The keys that are held now."""
         return list(self._holdings)
 
     def peek(self, key: K) -> S | None:
-        """Return the state of what somebody else holds."""
+        """Return the state of a key that is held."""
         holding = self._holdings.get(key)
         return holding.state if holding else None
 
     @asynccontextmanager
     async def hold(self, key: K) -> AsyncIterator[S]:
-        """Have the state kept up to date until leaving; whoever leaves last waits until nothing is left of it.
+        """Keep the state up to date within the context; the last holder waits for its cleanup.
 
         Raises:
             CrowdedError: too many other keys are held.
@@ -68,7 +68,7 @@ class Shared(Generic[K, S]):
 
     def _begin(self, key: K) -> _Holding[S]:
         if len(self._holdings) >= self._most:
-            raise CrowdedError(f"{self._most} are looked at already; close another view first")
+            raise CrowdedError(f"{self._most} are already open; close another view first")
         state = self._make(key)
         holding = _Holding(state, asyncio.create_task(self._follow(key, state)))
         self._holdings[key] = holding

@@ -1,4 +1,4 @@
-"""Everything that people look at through one monitor."""
+"""All live views of one monitor."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from services.monitor.map.last_poses import LastPoses
 
 
 class Views:
-    """pictures: overlays. lists: class lists by frame. clouds: of objects. robots: where they are.
+    """pictures: overlays. lists: class lists by frame. clouds: of objects. robots: their poses.
 
     Each is subscribed to while somebody looks.
     last_poses: where robots were when somebody looked. is_forgotten: see `LastPoses`.

@@ -1,4 +1,4 @@
-"""Why there is nothing to be seen of a camera, and what to do about it. Pure."""
+"""Explains why a camera shows no picture, and what to do about it. Pure."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ from schemas.status import WorkerStatus
 from services.monitor.fleet import Fleet
 from services.monitor.formats import natural
 
-WAITING: Final = "Nothing has come yet"
-PATIENCE: Final = "It was asked for and takes some seconds where a model has to warm up."
+WAITING: Final = "Nothing has arrived yet"
+PATIENCE: Final = "It has been requested; a model takes some seconds to warm up."
 FIRST_FRAME_TIMEOUT_S: Final = 20.0
-"""After how long a model is warm, and something else keeps the stream from coming."""
+"""Seconds after which a model is warm, so that a missing stream has another cause."""
 
-LATE: Final = "Nothing newer comes"
-OVERLOADED: Final = "Its worker or the link to it may have too much to do: health says what was dropped where."
+LATE: Final = "Nothing newer arrives"
+OVERLOADED: Final = "Its worker or the link to it may be overloaded: Health shows what was dropped where."
 
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """What is wrong in a few words, and what to do."""
+    """A problem in a few words, and its cure."""
 
     title: str
     advice: str
@@ -28,7 +28,7 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What is known of a camera. serving: workers of the service that look after it. workers: all that are there.
+    """The state of a camera. serving: workers of the service that serve it. workers: all that are online.
 
     came: something was shown before. waited_s: since it was asked for. deaf: why the monitor cannot hear the fleet.
     join: the endpoint that workers are to connect to.
@@ -48,7 +48,7 @@ class Facts:
 def facts_of(
     fleet: Fleet, key: CameraKey, workers: Iterable[WorkerStatus], *, came: bool, waited_s: float, deaf: str, join: str
 ) -> Facts:
-    """Return what is known of a camera. workers: those of the service that are there now. See `Facts`."""
+    """Return the state of a camera. workers: those of the service that are online. See `Facts`."""
     there = tuple(workers)
     return Facts(
         known=fleet.inventory.camera(key) is not None,
@@ -64,7 +64,7 @@ def facts_of(
 
 
 def serving(key: CameraKey, workers: Iterable[WorkerStatus]) -> tuple[WorkerStatus, ...]:
-    """Return the workers that look after a camera now."""
+    """Return the workers that serve a camera now."""
     return tuple(
         worker
         for worker in workers
@@ -73,27 +73,27 @@ def serving(key: CameraKey, workers: Iterable[WorkerStatus]) -> tuple[WorkerStat
 
 
 def why_nothing(key: CameraKey, stream: Stream, service: str, facts: Facts) -> Reason:
-    """Return the first thing that keeps a stream from coming, from this monitor on; or that it is to be waited for."""
+    """Return the first reason, seen from this monitor, for a stream's absence; else that it is still starting."""
     if facts.deaf:
         return Reason(
             "This monitor has no link to the fleet",
-            f"{facts.deaf}. How {key.robot} is cannot be known here until it is back: see the network and the router "
+            f"{facts.deaf}. The state of {key.robot} is unknown until it is back: check the network and the router "
             "between them.",
         )
     if not facts.known:
         return Reason(
-            f"No camera {key} has been heard of",
-            "Look at the overview for its name, or start its gateway: fleetsight gateway --robot " + key.robot,
+            f"No camera {key} is known",
+            "Check its name in the overview, or start its gateway: fleetsight gateway --robot " + key.robot,
         )
     if not facts.robot_online:
         return Reason(
             f"{key.robot} is offline",
-            "Its gateway is gone: see whether the robot is switched on and has network, and whether its gateway runs.",
+            "Its gateway is gone: check that the robot is switched on, has network and runs its gateway.",
         )
     if not facts.camera_online:
         return Reason(
             f"{key.camera} is not published on {key.robot}",
-            f"Its driver may be down. On the robot, fleetsight doctor --robot {key.robot} says what is in the way.",
+            f"Its driver may be down. On the robot, fleetsight doctor --robot {key.robot} shows why.",
         )
     return _of_workers(key, stream, service, facts)
 
@@ -105,7 +105,7 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
         names = ", ".join(sorted((worker.worker for worker in facts.workers), key=natural)[:3])
         return Reason(
             f"No {service} serves {key}",
-            f"There is {names}, but none for this robot: start one without --robots, or with --robots {key.robot}",
+            f"{names} runs, but not for this robot: start one without --robots, or with --robots {key.robot}",
         )
     remarks = [remark for worker in facts.serving for remark in worker.remarks if str(stream) in remark]
     if remarks:
@@ -118,6 +118,6 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
 def _lasting(key: CameraKey, service: str, facts: Facts) -> str:
     names = ", ".join(sorted((worker.worker for worker in facts.serving), key=natural)[:3])
     return (
-        f"It was asked for {facts.waited_s:.0f} s ago. Look at Health: is there a {service} that serves {key} and does "
-        f"not drop its images? {names} says that it does: see its log."
+        f"It was requested {facts.waited_s:.0f} s ago. Check in Health that a {service} serves {key} without "
+        f"dropping its images, and read the log of {names}."
     )

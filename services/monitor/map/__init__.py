@@ -1,1 +1,1 @@
-"""Where robots are and where things were seen last, in the frame `map`."""
+"""Poses of robots and last places of objects, in the frame `map`."""

@@ -1,4 +1,4 @@
-"""The map as one SVG: a grid in metres, what was seen where, and the robots. Pure: time is an argument."""
+"""The map as one SVG: a grid in metres, objects and robots. Pure: time is an argument."""
 
 import colorsys
 import math
@@ -14,7 +14,7 @@ from services.monitor.map.sighting_places import Mark
 
 NS: Final = 1_000_000_000
 FRESH_NS: Final = 10 * NS
-"""What nobody saw for longer is grey."""
+"""Objects not seen for longer are grey."""
 
 MOST_SHOWN: Final = 500
 STALE: Final = "#9e9e9e"
@@ -25,15 +25,15 @@ LEAST_M: Final = 8.0
 MOST_LINES: Final = 14
 STEPS_M: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1_000, 5_000, 20_000, 100_000)
 FARTHEST_M: Final = 100_000.0
-"""What is said to be farther from the map's origin is not drawn."""
+"""Places farther from the map's origin are not drawn."""
 
 SEED: Final = 645
-"""By which the shipped model's classes are far apart, and about as overlays have them."""
+"""Chosen so that colours of the shipped model's classes are far apart, and close to those of overlays."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnRobot:
-    """A robot that is drawn. live: its pose is of now."""
+    """A robot to draw. live: its pose is current."""
 
     name: str
     pose: Pose
@@ -42,7 +42,7 @@ class DrawnRobot:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What the map shows, in metres."""
+    """The area that the map shows, in metres."""
 
     left: float
     bottom: float
@@ -51,7 +51,7 @@ class Bounds:
 
     @classmethod
     def around(cls, points: Iterable[tuple[float, float]], before: Self | None = None) -> Self | None:
-        """Return whole metres around all points and what was shown before; None where there is nothing."""
+        """Return bounds in whole metres around all points and the earlier bounds; None if there are none."""
         found = [(x, y) for x, y in points if abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M]
         if not found:
             return before
@@ -74,7 +74,7 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """From metres to the picture's units, y downwards."""
+    """Converts metres to the picture's units, y downwards."""
 
     centre: tuple[float, float]
     per_m: float
@@ -91,7 +91,7 @@ class _Scale:
 
 
 def colour_of(name: str) -> str:
-    """Return the colour of a class, the same wherever and with whatever else it is shown."""
+    """Return the colour of a class, the same everywhere."""
     hue = zlib.crc32(f"{SEED}{name}".encode()) / 2**32
     red, green, blue = colorsys.hls_to_rgb(hue, 0.48, 0.75)
     return f"#{round(red * 255):02x}{round(green * 255):02x}{round(blue * 255):02x}"
@@ -104,7 +104,7 @@ def svg_of(
     now_ns: int,
     plan: tuple[FloorPlan, str] | None = None,
 ) -> str:
-    """Return the map; of the marks the first MOST_SHOWN. Names from the bus are text, whatever they hold.
+    """Return the map with the first MOST_SHOWN marks. Names from the bus are escaped.
 
     plan: what is under all of it, and where a browser finds its image.
     """
@@ -119,7 +119,7 @@ def svg_of(
 
 
 def is_fresh(mark: Mark, now_ns: int) -> bool:
-    """Whether it was seen just now."""
+    """Whether the mark was seen recently."""
     return now_ns - mark.seen_ns <= FRESH_NS
 
 

@@ -1,4 +1,4 @@
-"""The warehouse's floor plan: an image that lies in the map, drawn under everything else. Pure.
+"""The warehouse's floor plan: an image in the map, drawn below everything else. Pure.
 
 Source: http://wiki.ros.org/map_server#YAML_format
 """
@@ -17,17 +17,17 @@ from pydantic import BaseModel, Field, FiniteFloat, model_validator
 
 FREE, UNKNOWN, OCCUPIED = 0, 1, 2
 GREY: Final = (0x80, 0x86, 0x8E)
-"""Legible on light and dark pages."""
+"""A grey that is legible on light and dark pages."""
 
 OPACITY: Final = bytes((0, 30, 120))
-"""Of what is free, unknown and occupied."""
+"""Opacity of free, unknown and occupied cells."""
 
 MOST_CELLS: Final = 2_000
 """Across, and up: about as many as a screen has pixels. A browser that shrinks more of them loses thin walls."""
 
 
 class MapDescription(BaseModel):
-    """What a map's YAML file says, in metres and radians. In the mode `raw` pixels are no shades."""
+    """The contents of a map's YAML file, in metres and radians. In the mode `raw` pixels are no shades."""
 
     image: Annotated[str, Field(min_length=1)]
     mode: Literal["trinary", "scale"] = "trinary"
@@ -46,7 +46,7 @@ class MapDescription(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class FloorPlan:
-    """An image in the map. png: it, transparent where the floor is free. width, height: its size in metres.
+    """An image in the map. png: transparent where the floor is free. width, height: in metres.
 
     x, y, yaw: where in the map its lower left corner lies, and how far it is turned there, in metres and radians.
     corners: of the part of it that is not unknown, in the map; empty if all is.
@@ -62,7 +62,7 @@ class FloorPlan:
 
     @classmethod
     def of(cls, shades: NDArray[np.uint16], white: int, said: MapDescription) -> Self:
-        """Return what a grey image (rows from the top, from 0 to `white`) and its description stand for."""
+        """Return the floor plan of a grey image (rows from the top, from 0 to `white`) and its description."""
         darkness = shades if said.negate else white - shades
         cells = np.full(shades.shape, UNKNOWN, np.uint8)
         cells[darkness < said.free_thresh * white] = FREE
@@ -78,7 +78,7 @@ class FloorPlan:
 
     @property
     def digest(self) -> str:
-        """A name for what the image shows."""
+        """A digest of the image."""
         return hashlib.sha256(self.png).hexdigest()[:16]
 
 
@@ -94,7 +94,7 @@ def _coarser(cells: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
 
 
 def _known(cells: NDArray[np.uint8], resolution: float) -> Iterator[tuple[float, float]]:
-    """Yield the corners around what is not unknown, in metres from the lower left corner, across and up."""
+    """Yield the corners around the known area, in metres from the lower left corner, across and up."""
     rows, columns = (np.flatnonzero((cells != UNKNOWN).any(axis=axis)) for axis in (1, 0))
     if not len(rows):
         return

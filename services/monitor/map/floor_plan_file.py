@@ -1,4 +1,4 @@
-"""Floor plans as ROS's map_server keeps maps: a YAML file that says where in the map a grey image lies."""
+"""Reads floor plans in the format of ROS's map_server: a YAML file that places a grey image in the map."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -15,18 +15,18 @@ MAX_CHARACTERS: Final = 100_000
 MAX_PIXELS: Final = 64_000_000
 FORMATS: Final = ("PPM", "PNG", "BMP", "GIF", "TIFF")
 READ_AS: Final = {"1": "L", "L": "L", "P": "RGB", "RGB": "RGB", "LA": "RGBA", "RGBA": "RGBA"}
-"""Which channels images of a Pillow mode are read as."""
+"""The channels as which images of a Pillow mode are read."""
 
 
 class FloorPlanError(Exception):
-    """A floor plan that cannot be used, by the file that is to blame."""
+    """A floor plan is unusable; the message names the file at fault."""
 
     def __init__(self, file: Path, reason: str) -> None:
         super().__init__(f"floor plan {file}: {reason}")
 
 
 def load_floor_plan(path: Path) -> FloorPlan:
-    """Read a map's YAML file and the image that it names.
+    """Read a map's YAML file and its image.
 
     Raises:
         FloorPlanError: either cannot be read, or is not what map_server writes.
@@ -35,9 +35,9 @@ def load_floor_plan(path: Path) -> FloorPlan:
     image = path.parent / said.image
     try:
         return FloorPlan.of(*_shades(image, with_alpha=said.mode == "trinary"), said)
-    except (UnidentifiedImageError, ImportError) as error:  # where Ultralytics is, Pillow looks for a HEIF decoder
-        raise FloorPlanError(image, "no image of a map; one is PGM or PNG") from error
-    except Exception as error:  # Pillow's readers raise whatever a damaged file leads them to
+    except (UnidentifiedImageError, ImportError) as error:  # Ultralytics has Pillow look for a HEIF decoder
+        raise FloorPlanError(image, "not a map image; use PGM or PNG") from error
+    except Exception as error:  # damaged files make Pillow raise arbitrary errors
         raise FloorPlanError(image, _reason(error)) from error
 
 
@@ -83,6 +83,6 @@ def _shades(path: Path, *, with_alpha: bool) -> tuple[NDArray[np.uint16], int]:
         read = image if image.mode == mode else image.convert(mode)
         colours = [each for each in read.getbands() if with_alpha or each != "A"]
         sums = np.zeros((image.height, image.width), np.uint16)
-        for each in colours:  # one by one: all of them are a lot of memory
+        for each in colours:  # one at a time, to save memory
             sums += np.asarray(read.getchannel(each))
     return sums, 255 * len(colours)

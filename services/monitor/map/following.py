@@ -1,4 +1,4 @@
-"""The transforms of the robots on a map that somebody looks at."""
+"""Follows the transforms of the robots on maps that are open."""
 
 import asyncio
 import logging
@@ -20,7 +20,7 @@ from services.monitor.map.pose import Whereabouts
 log = logging.getLogger(__name__)
 
 MOST_ROBOTS: Final = 64
-"""How many robots' transforms are subscribed to at the same time: some robots send hundreds a second."""
+"""Maximum number of robots whose transforms are subscribed to: some robots send hundreds a second."""
 
 DEPTH: Final = 1_000
 
@@ -28,12 +28,12 @@ Robots = Shared[str, Whereabouts]
 
 
 def robots(bus: Bus) -> Robots:
-    """Return where the robots are that people look at; each one's transforms are subscribed to while anybody does."""
+    """Return the poses of watched robots; each one's transforms are subscribed to while somebody watches."""
     return Shared(lambda _: Whereabouts(), lambda robot, where: follow(bus, robot, where), MOST_ROBOTS)
 
 
 async def follow(bus: Bus, robot: str, where: Whereabouts) -> None:
-    """Keep up to date where a robot is until cancelled."""
+    """Keep a robot's pose up to date until cancelled."""
     moving = RobotStreamKey(robot, keys.TF)
     token = Wanted(moving, clock_id())
     async with bus.announce(str(token)), asyncio.TaskGroup() as group:
@@ -55,7 +55,7 @@ async def _take(bus: Bus, key: RobotStreamKey, where: Whereabouts) -> None:
 
 
 class HeldRobots:
-    """Follows robots for as long as it is entered. crowded: why some are not followed, or empty."""
+    """Follows robots within a context. crowded: why some are not followed, or empty."""
 
     def __init__(self, robots: Robots) -> None:
         self._robots = robots
@@ -71,7 +71,7 @@ class HeldRobots:
         await self.keep(())
 
     async def keep(self, wanted: Iterable[str]) -> Mapping[str, Whereabouts]:
-        """Follow these and no others; return where they are, as far as there is room to follow them."""
+        """Follow exactly these robots; return their poses, as far as the limit allows."""
         names = list(wanted)
         for gone in self._held.keys() - set(names):
             stack, _ = self._held.pop(gone)

@@ -1,4 +1,4 @@
-"""Where robots were when that was known last. Pure: time is an argument."""
+"""The last known poses of robots. Pure: time is an argument."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Mapping
@@ -11,10 +11,10 @@ from services.monitor.map.pose import Pose
 from services.monitor.map.sighting_places import FORGET_NS
 
 LOST_NS: Final = 5_000_000_000
-"""A pose of which nothing was heard for so long is not of now."""
+"""Age from which a pose is no longer current."""
 
 MOST: Final = MAX_MEMBERS
-"""Robots whose poses are kept, those known last: as many as are followed."""
+"""Maximum number of poses kept, the newest ones: as many as robots are followed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class _Known:
 
 
 class LastPoses:
-    """The newest pose of every robot; kept until it has not been known for as long as objects are.
+    """The newest pose of every robot; kept, once out of date, for as long as objects are.
 
     is_forgotten: whether nobody misses a robot, however lately its pose was known.
     """
@@ -34,7 +34,7 @@ class LastPoses:
         self._known: OrderedDict[str, _Known] = OrderedDict()
 
     def take(self, poses: Mapping[str, Pose], now_ns: int) -> None:
-        """Take the poses that are known now."""
+        """Take current poses."""
         for name, pose in poses.items():
             self._known[name] = _Known(pose, now_ns)
             self._known.move_to_end(name)
@@ -42,19 +42,19 @@ class LastPoses:
             self._known.popitem(last=False)
 
     def take_seen(self, poses: Mapping[str, Pose]) -> None:
-        """Take poses of any age, none older than what is known: those that are newer, though a clock was set back."""
+        """Take poses of any age, but only those newer than the known ones, though a clock was set back."""
         for name, pose in poses.items():
             known = self._known.get(name)
             if known is None or known.pose.at_ns != pose.at_ns:
                 self.take({name: pose}, pose.at_ns)
 
     def names(self, now_ns: int) -> set[str]:
-        """Return the robots that are not forgotten."""
+        """Return the robots with a pose."""
         lately = {name for name, known in self._known.items() if now_ns - known.known_ns <= FORGET_NS}
         return {name for name in lately if not self._is_forgotten(name)}
 
     def robots(self, now_ns: int, online: Collection[str], *, robot: str = "") -> list[DrawnRobot]:
-        """Return the robots that are not forgotten, by name; one of them if it is named.
+        """Return the robots with a pose, by name; one of them if it is named.
 
         Live are those that are online and were heard just now.
         """

@@ -1,4 +1,4 @@
-"""Where a robot is in the map, as its transforms say, or the places of what it sees. Pure."""
+"""A robot's pose in the map, from its transforms or the places of the objects it sees. Pure."""
 
 import math
 from collections import deque
@@ -13,7 +13,7 @@ from services.geometry.transforms import TransformTree
 
 MAP: Final = "map"
 BASES: Final = ("base_link", "base_footprint")
-"""What a robot's own frame is called, the usual name first."""
+"""Names of a robot's base frame, the usual one first."""
 
 KEEP_NS: Final = 2_000_000_000
 STAMPS: Final = 32
@@ -31,11 +31,11 @@ class Pose:
 
 
 APART_M: Final = 0.3
-"""Two objects that are seen so far apart tell how a robot is turned; their places are one measurement in two frames."""
+"""Minimum distance of two objects that tells a robot's heading; their places are one measurement in two frames."""
 
 
 def pose_of(distances: Distances, at_ns: int) -> Pose | None:
-    """Return where the robot was that saw these objects, from two whose places it knows in its own frame and the map.
+    """Return a robot's pose from two objects whose places are known both in its own frame and in the map.
 
     Robots are taken to stand upright. None where it cannot be known.
     """
@@ -62,7 +62,7 @@ def _in_both(distances: Distances) -> Iterator[tuple[tuple[float, float], tuple[
 
 
 class Whereabouts:
-    """Where one robot is. why: what is missing while its pose is not known, in words."""
+    """The pose of one robot. why: the missing transform in words, while there is no pose."""
 
     def __init__(self) -> None:
         self._tree = TransformTree(KEEP_NS)
@@ -70,7 +70,7 @@ class Whereabouts:
         self._at_ns = 0
 
     def take(self, transforms: Transforms, received_ns: int, *, static: bool) -> None:
-        """Take what came on `tf`, or `static`, on `tf_static`."""
+        """Take a message of `tf`, or, if `static`, of `tf_static`."""
         self._tree.take(transforms, static=static)
         if not static:
             self._at_ns = received_ns
@@ -80,7 +80,7 @@ class Whereabouts:
         self._at_ns = self._at_ns or received_ns
 
     def pose(self) -> Pose | str:
-        """Return the newest pose that is known, or what is missing, in words."""
+        """Return the newest known pose, or in words what is missing."""
         missing = "its transforms have not arrived"
         if not self._at_ns:
             return missing

@@ -1,4 +1,4 @@
-"""Where objects were seen last, and robots with them, as distances say it. Pure: time is an argument."""
+"""Last places of objects, and of robots with them, from distances. Pure: time is an argument."""
 
 import math
 from collections import OrderedDict
@@ -10,21 +10,21 @@ from schemas.distances import Distances, ObjectDistance
 from services.monitor.map.pose import MAP, Pose, pose_of
 
 MOST: Final = 2_000
-"""Places that are kept, those seen last; of what is tracked as many are known by their track."""
+"""Maximum number of places kept, those seen last; as many tracked objects are known by their track."""
 
 FORGET_NS: Final = 1_800 * 1_000_000_000
-"""What nobody saw for half an hour is not shown any more."""
+"""Age from which objects are no longer shown."""
 
 RENEW_NS: Final = 2 * 1_000_000_000
-"""How often a robot's pose is looked for."""
+"""Period at which a robot's pose is estimated."""
 
 SAME_M: Final = 0.6
-"""Objects of a class that were seen nearer to each other, at different times or by different robots, are one."""
+"""Objects of a class seen closer together, at different times or by different robots, are one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """An object where it was seen last: x, y in metres in the map, seen_ns since the epoch on this machine's clock."""
+    """An object where it was last seen: x, y in metres in the map, seen_ns since the epoch on this machine's clock."""
 
     name: str
     x: float
@@ -39,7 +39,7 @@ _Place = tuple[str, str, str, int, int]
 
 
 class SightingMap:
-    """Where the objects of the whole fleet were seen last. A tracked object is in one place, the last one.
+    """The last places of all objects of the fleet. A tracked object is in one place, its last.
 
     Of what a camera sees in a cell of SAME_M the newest image counts: an object that is followed anew is no second one.
 
@@ -55,7 +55,7 @@ class SightingMap:
         self._ticked_ns = 0
 
     def tick(self, now_ns: int) -> None:
-        """Let time pass: where the clock was set back, what is known is as old as it was before."""
+        """Advance time; if the clock was set back, everything keeps its age."""
         back_ns, self._ticked_ns = self._ticked_ns - now_ns, now_ns
         if back_ns <= 0:
             return
@@ -69,7 +69,7 @@ class SightingMap:
                     here[track] = replace(mark, seen_ns=mark.seen_ns - back_ns)
 
     def take(self, distances: Distances, seen_ns: int) -> None:
-        """Take where one image's objects are; those whose place in the map is not known are left out."""
+        """Take the places of one image's objects; those without a place in the map are left out."""
         of = distances.header
         if len(distances.objects) > 1 and seen_ns - self._sought_ns.get(of.robot, 0) >= RENEW_NS:
             self._sought_ns[of.robot] = seen_ns
@@ -106,14 +106,14 @@ class SightingMap:
             self._tracks.popitem(last=False)
 
     def stand(self, poses: Mapping[str, Pose]) -> None:
-        """Take where robots are, or were, as others say it; what is newer stays."""
+        """Take robots' poses, current or old, from another source; newer ones stay."""
         for name, pose in poses.items():
             known = self.poses.get(name)
             if known is None or known.at_ns < pose.at_ns:
                 self.poses[name] = pose
 
     def marks(self, now_ns: int, *, robot: str = "") -> list[Mark]:
-        """Return what was seen where, newest first; by one robot if it is named.
+        """Return the objects' places, newest first; of one robot if it is named.
 
         Robots are taken to share one map: what several saw at about the same place is one object.
         """

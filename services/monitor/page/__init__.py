@@ -1,4 +1,4 @@
-"""The page that people look at, made with nicegui."""
+"""The web page, made with nicegui."""
 
 from fastapi import FastAPI
 from nicegui import app as nicegui_app
@@ -21,7 +21,7 @@ from services.monitor.page.wall import add_wall
 
 
 def add_pages(app: FastAPI, monitor: Monitor) -> None:
-    """Add every page. Whoever gets to one is logged in: the server sees to it."""
+    """Add every page. The server admits only visitors who are logged in."""
     answer_instead(nicegui_app)
     shared = Shared(monitor)
     add_overview(shared, monitor)
@@ -33,12 +33,12 @@ def add_pages(app: FastAPI, monitor: Monitor) -> None:
 
 
 def _add_views(app: FastAPI, monitor: Monitor) -> None:
-    """Add the pages of what is looked at live, and where browsers get pictures and the floor plan."""
+    """Add the live pages, and the routes of pictures and floor plan."""
     views = Views(monitor.bus, monitor.fleet.inventory.is_forgotten)
     routes = [Route(PATH, MjpegStreams(views.pictures))]
     if monitor.floor_plan is not None:
         routes.append(floor_plan_route(monitor.floor_plan))
-    app.router.routes[:0] = routes  # before the page, which takes the rest
+    app.router.routes[:0] = routes  # before the page, which matches all other paths
     add_camera(monitor, views)
     add_objects(monitor, views)
     add_map(monitor, views)

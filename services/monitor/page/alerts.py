@@ -1,4 +1,4 @@
-"""Alerts: those that are open, what is done about them, and those that ended."""
+"""The alerts page: open alerts, actions on them, and resolved ones."""
 
 import time
 from collections import defaultdict
@@ -43,7 +43,7 @@ MAX_KEPT: Final = 200
 
 @dataclass(frozen=True, slots=True)
 class AlertList:
-    """Alerts with what people did with each; problem: why there are none, in words."""
+    """Alerts with operators' actions; problem: why there are none, in words."""
 
     alerts: Sequence[Alert] = ()
     acts: Mapping[str, Sequence[Act]] = field(default_factory=dict)
@@ -51,7 +51,7 @@ class AlertList:
 
 
 class KeptAlerts:
-    """The newest alerts that ended."""
+    """The newest resolved alerts."""
 
     MAX_AGE_S: ClassVar = 3.0
 
@@ -60,7 +60,7 @@ class KeptAlerts:
         self._ended = CachedValue(self._read, self.MAX_AGE_S)
 
     async def ended(self) -> AlertList:
-        """Return the newest alerts that ended."""
+        """Return the newest resolved alerts."""
         return await self._ended.get()
 
     async def _read(self) -> AlertList:
@@ -119,15 +119,15 @@ class _Alerts:
                 severity: Tile(severity.capitalize(), on_click=partial(self._only, severity))
                 for severity in reversed(Severity)
             }
-            self._unseen = Tile("Nobody looks after")
+            self._unseen = Tile("Not acknowledged")
         self._open_panel()
         self._ended_panel()
         self._sure = Confirmation(
-            "Resolve", "Keep it open", "That cannot be taken back. It is raised again only after it was over."
+            "Resolve", "Keep it open", "This cannot be undone. It is raised again only after its condition has cleared."
         )
         for part in (self._elsewhere, self._unknown, self._calm, self._none):
             part.set_visibility(False)
-        ui.timer(REFRESH_S, self.refresh)  # a slow database keeps nobody from the page
+        ui.timer(REFRESH_S, self.refresh)  # a slow database does not delay the page
         ui.timer(KeptAlerts.MAX_AGE_S, self.look_back)
 
     def _open_panel(self) -> None:
@@ -145,14 +145,12 @@ class _Alerts:
             with self._unknown:
                 nothing_yet(
                     "help",
-                    "Nobody knows which alerts are open",
-                    "Another monitor raises them, and what it writes cannot be read:",
+                    "Open alerts are unknown",
+                    "Another monitor raises them, and its history cannot be read:",
                 )
                 self._why_unknown = ui.label().classes("fs-empty")
             self._calm = nothing_yet("check_circle", "No open alerts", *_what_raises(self._monitor))
-            self._none = nothing_yet(
-                "search_off", "No alert is like that", "Clear the search, or choose another severity."
-            )
+            self._none = nothing_yet("search_off", "No alert matches", "Clear the search, or choose another severity.")
 
     def _ended_panel(self) -> None:
         with ui.element("div").classes("fs-panel"):
@@ -172,12 +170,12 @@ class _Alerts:
         await self._open.refresh()
 
     async def look_back(self) -> None:
-        """Show the alerts that ended."""
+        """Show the resolved alerts."""
         await self._ended.refresh()
 
     async def _load_open(self, window: RowWindow) -> Loaded:
         leads = self._monitor.history.status.leads
-        self._elsewhere.set_visibility(not leads)  # before a database is waited for, which may be slow
+        self._elsewhere.set_visibility(not leads)  # before waiting for a database, which may be slow
         self._elsewhere_text.set_text(raised_by(self._monitor.history.status.leader))
         every: Sequence[Alert] | None = None
         why_unknown = ""
@@ -247,7 +245,7 @@ class _Alerts:
                 return
             do(alert_id, by=self._visitor.name)
         except UnknownAlertError:
-            ui.notify("That alert is not open any more.", type="info")
+            ui.notify("This alert is no longer open.", type="info")
         await self.refresh()
 
     async def _means_it(self, alert_id: str) -> bool:
@@ -262,6 +260,6 @@ def _what_raises(monitor: Monitor) -> Sequence[str]:
     if rules:
         return (f"{plural(rules, 'rule')} in force.",)
     return (
-        "No rules are in force, so nothing raises any.",
+        "No rules are in force, so no alerts are raised.",
         "Write some and start the monitor with --rules rules.yaml.",
     )

@@ -1,4 +1,4 @@
-"""One camera live: its picture with what was found drawn over it, and what is in view how far away."""
+"""The camera page: the live picture with its overlay, and the objects in view with their distances."""
 
 import time
 from collections import deque
@@ -28,10 +28,10 @@ from services.monitor.page.picture_frame import VIEW_STYLE, PageVisibility, Stag
 PATH: Final = "/cameras/{robot}/{camera}"
 REFRESH_S: Final = 0.5
 TICK_S: Final = 0.1
-"""How soon after a picture it is said what was counted in it."""
+"""Seconds between updates of the counts in the picture."""
 
 AGAIN_S: Final = 3.0
-"""When a picture that broke off is asked for again."""
+"""Seconds after which an interrupted picture is requested again."""
 
 SERVICE: Final = "detector"
 ALT: Final = "The newest picture of {}, with what was found drawn on it"
@@ -60,7 +60,7 @@ def add_camera(monitor: Monitor, views: Views) -> None:
 
 
 class _Live:
-    """What the page shows of one camera. The picture's own connection is what looks at the overlay."""
+    """The page's content for one camera. The picture's own connection requests the overlay."""
 
     def __init__(self, monitor: Monitor, views: Views, key: CameraKey) -> None:
         self._monitor, self._views, self._key = monitor, views, key
@@ -95,7 +95,7 @@ class _Live:
             ui.label(str(self._key)).classes("fs-title")
             ui.element("div").classes("fs-spring")
             ui.toggle(KINDS, value=self._stream.stream.value, on_change=lambda event: self._choose(event.value)).props(
-                'dense unelevated no-caps toggle-text-color=on-accent role=group aria-label="What is drawn"'
+                'dense unelevated no-caps toggle-text-color=on-accent role=group aria-label="Overlay"'
             ).classes("fs-toggle")
             with ui.link(target=f"/objects/{self._key}").classes("fs-link"):
                 ui.label("In 3D")
@@ -105,7 +105,7 @@ class _Live:
         self.show()
 
     async def run(self, visibility: PageVisibility, lists: FrameLists) -> None:
-        """Show the camera while somebody looks. lists: what was counted in its newest frames."""
+        """Show the camera while the page is visible. lists: counts in its newest frames."""
         self.show()
         refreshed_s = 0.0
         while not await visibility.ends(TICK_S):
@@ -116,7 +116,7 @@ class _Live:
         self.hide()
 
     def show(self) -> None:
-        """Ask for the picture, from now on."""
+        """Request the picture."""
         self._since_s = time.monotonic()
         self._ask()
 
@@ -127,7 +127,7 @@ class _Live:
         self._image.props(f'src="{path_of(self._stream)}?{self._asked}"')
 
     def hide(self) -> None:
-        """Ask for no picture: its connection ends, and the overlay is not drawn any more."""
+        """Stop requesting the picture: its connection ends, and the overlay is no longer drawn."""
         self._image.props(remove="src")
 
     def _broke_off(self) -> None:
@@ -164,17 +164,17 @@ class _Live:
             join=endpoint_to_join(self._monitor.settings),
         )
         served = ", ".join(f"{worker.worker} ({worker.model})" for worker in facts.serving)
-        self._served.set_text(f"Found by {served}" if served else "No detector looks at it")
+        self._served.set_text(f"Found by {served}" if served else "No detector serves this camera")
         if fresh:
             self._stage.explain(None)
         elif newest is not None and newest.problem:
-            self._stage.explain(Reason("What arrives is no picture", newest.problem))
+            self._stage.explain(Reason("The message received is not a picture", newest.problem))
         else:
             reason = why_nothing(self._key, self._stream.stream, SERVICE, facts)
             self._stage.explain(reason, f"The picture is {age_text(age)} old" if age else "")
 
     def _tell_of_frame(self, lists: FrameLists) -> None:
-        """Say what the model counted in the very frame that the picture shows."""
+        """Show the model's counts in the very frame that the picture shows."""
         newest = self._views.pictures.peek(self._stream)
         frame = None if newest is None else newest.message
         self._in_picture.set_visibility(frame is not None)
@@ -198,7 +198,7 @@ class _Live:
         since_ns = now_ns - inventory.limits.stale_ns
         seen = sorted(view.sightings(since_ns), key=lambda each: each.name) if view else []
         available = view is not None and inventory.speaks(view, now_ns)
-        self._when.set_text(f"In view{'' if available or not seen else ' when it was heard last'}, settled")
+        self._when.set_text(f"In view{'' if available or not seen else ' when last heard'}, settled")
         self._classes.set_content(rows([each for each in seen if each.count], now_ns, available=available))
         counted = otherwise(view.disagreements(since_ns)) if view is not None and available else ""
         self._otherwise.set_text(counted)
@@ -206,9 +206,9 @@ class _Live:
 
 
 def counted_in(frame: ClassList | None) -> str:
-    """Return as HTML what a model counted in one frame; None where that is not known."""
+    """Return a model's counts in one frame as HTML; None if they are unknown."""
     if frame is None:
-        return '<span class="fs-muted">Not known</span>'
+        return '<span class="fs-muted">Unknown</span>'
     chips = "".join(
         f'<span class="fs-chip" title="the surest: {each.score:.0%}"><b>{each.count}</b>{escape(each.name)}</span>'
         for each in frame.classes
@@ -217,19 +217,19 @@ def counted_in(frame: ClassList | None) -> str:
 
 
 def otherwise(disagreements: Mapping[str, tuple[int, int]]) -> str:
-    """Return what another model counts differently, in words; empty for nothing."""
+    """Return another model's different counts, in words; empty if there are none."""
     counts = ", ".join(f"{theirs} {name}" for name, (_, theirs) in sorted(disagreements.items()))
     return f"Another model counts {counts}" if counts else ""
 
 
 def rows(sightings: Sequence[Sighting], now_ns: int, *, available: bool) -> str:
-    """Return what is in view as HTML: one element, however often it changes."""
+    """Return the objects in view as HTML, one element for all of them."""
     if not sightings:
-        return f'<div class="fs-line fs-muted">{"Nothing" if available else "Not known"}</div>'
+        return f'<div class="fs-line fs-muted">{"Nothing" if available else "Unknown"}</div>'
     return "".join(
         f'<div class="fs-row {"" if available else "fs-stale"}"><div class="fs-many">{each.count}</div>'
         f"<div>{escape(each.name)}</div>"
         f'<div class="fs-far">{"" if each.nearest_m is None else f"{each.nearest_m:.2f} m"}</div>'
-        f'<div class="fs-more">{each.score:.0%} sure, came {ago(each.first_ns, now_ns)}</div></div>'
+        f'<div class="fs-more">{each.score:.0%} sure, appeared {ago(each.first_ns, now_ns)}</div></div>'
         for each in sightings
     )

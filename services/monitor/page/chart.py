@@ -1,4 +1,4 @@
-"""How many were in view over time, drawn."""
+"""The chart of counts in view over time."""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -14,14 +14,14 @@ from services.monitor.page.formatting import NS
 from services.monitor.recent import CachedValue
 
 MAX_LINES: Final = 8
-"""Classes in one chart; those with the most in view are shown."""
+"""Maximum number of classes in one chart; those with the highest counts are shown."""
 
 Points = list[tuple[int, int | None]]
-"""(milliseconds since the epoch, count), the oldest first; a count lasts until the next. None: nobody knows it."""
+"""(milliseconds since the epoch, count), oldest first; a count lasts until the next. None: unknown."""
 
 
 def counts_over_time(counts: Counts) -> dict[str, Points]:
-    """Return the points of each class, all cameras together, the class with the most first."""
+    """Return the points of each class, summed over cameras, the class with the highest counts first."""
     biggest = sorted(counts.most, key=lambda name: (-max(counts.most[name].values(), default=0), name))
     return {name: list(_points(counts, counts.most[name])) for name in biggest[:MAX_LINES]}
 
@@ -40,14 +40,14 @@ def _points(counts: Counts, most: Mapping[int, int]) -> Iterator[tuple[int, int 
 RANGES: Final = {"1 h": 3_600, "6 h": 21_600, "24 h": 86_400, "7 d": 604_800, "30 d": 2_592_000, "1 y": 31_536_000}
 MAX_AGE_S: Final = 10.0
 MAX_KEPT: Final = 32
-"""Charts that are kept for others who look at the same."""
+"""Maximum number of charts cached for other viewers."""
 
 COLORS: Final = ("#3b7ddd", "#e08a2e", "#2fa36b", "#c94f7c", "#8a63d2", "#1aa3b8", "#b5892b", "#7a8794")
 
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """What a chart is about: one robot, camera or class, each all of them if empty, over the last seconds.
+    """The subject of a chart: one robot, camera or class, each all of them if empty, over the last seconds.
 
     text: what is in one of their names, as it is searched for.
     """
@@ -59,7 +59,7 @@ class Subject:
     text: str = ""
 
     def __str__(self) -> str:
-        """Say it in words."""
+        """Return the subject in words."""
         where = "/".join(part for part in (self.robot, self.camera) if part)
         like = f", with {self.text} in a name" if self.text else ""
         return f"{self.name or 'all classes'}, {where or 'whole fleet'}{like}"
@@ -76,7 +76,7 @@ class Drawn:
 
 
 class Charts:
-    """Charts of an archive, each read once for all who look at it."""
+    """Charts of an archive, each read once for all viewers."""
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
@@ -107,7 +107,7 @@ def chart() -> ui.echart:
 
 
 def options(drawn: Drawn) -> dict[str, Any]:
-    """Return what ECharts draws, in colours for a light and a dark page."""
+    """Return ECharts options, with colours for light and dark pages."""
     line = "#8894a040"
     label = {"color": "#7d8a97", "fontSize": 12}
     return {

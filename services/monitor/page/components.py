@@ -1,4 +1,4 @@
-"""Small parts that several pages use: tiles with a figure, links and questions before an action."""
+"""Small components that several pages use: tiles with figures, links and confirmation dialogs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ YES: Final = "yes"
 
 
 class Confirmation:
-    """A dialog that asks whether somebody means it. do, leave: what its buttons say; advice: what comes of it."""
+    """A confirmation dialog. do, leave: the texts of its buttons; advice: the consequences."""
 
     def __init__(self, do: str, leave: str, advice: str) -> None:
         with ui.dialog() as self._dialog, ui.element("div").classes("fs-panel fs-question"):
@@ -26,7 +26,7 @@ class Confirmation:
                 )
 
     async def given(self, what: str) -> bool:
-        """Ask; return whether somebody means it, which who closes it does not."""
+        """Ask; return whether the user confirmed. Closing the dialog does not confirm."""
         self._what.set_text(what)
         self._dialog.props["aria-label"] = what
         self._dialog.update()
@@ -34,7 +34,7 @@ class Confirmation:
 
 
 class Tile:
-    """A figure with what it counts: one element, of which a page has many. dot: the state whose mark is beside it."""
+    """A figure with its label, in one element, as pages have many. dot: the state whose mark is shown beside it."""
 
     def __init__(self, what: str, *, dot: str = "", on_click: Callable[[], Any] | None = None) -> None:
         mark = f'<span class="fs-dot fs-{dot}"></span>' if dot else ""
@@ -45,13 +45,13 @@ class Tile:
         self._color = ""
 
     def show(self, number: str, of: str = "", *, on: bool = False) -> None:
-        """Show a figure; on: it is what the page is about now."""
+        """Show a figure; on: it is the page's current subject."""
         of_how_many = f'<div class="fs-of">{escape(of)}</div>' if of else ""
         self._tile.set_content(f'{self._what}<div class="fs-number"><div>{escape(number)}</div>{of_how_many}</div>')
         self._tile.classes(add="fs-on" if on else "", remove="" if on else "fs-on")
 
     def color(self, name: str) -> None:
-        """Mark it, or no longer, if the name is empty."""
+        """Set the CSS class of the mark, or remove it if the name is empty."""
         if name != self._color:
             self._tile.classes(add=name, remove=self._color)
             self._color = name
@@ -59,7 +59,7 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class PageLink:
-    """A page that one can go to from everywhere."""
+    """A page that is linked from everywhere."""
 
     name: str
     path: str
@@ -76,14 +76,14 @@ PLACES: Final = (FLEET, INVENTORY, ALERTS, MAP, HEALTH)
 
 
 class Links:
-    """The links to every place; that to the alerts says how many are open, in the colour of the most severe."""
+    """The navigation links; the one to the alerts shows the number of open alerts in the colour of the most severe."""
 
     def __init__(self, here: PageLink | None) -> None:
         self._here = here
         self._nav = still(self._html((), Severity.INFO), tag="nav").classes("fs-nav").props('aria-label="Pages"')
 
     def count(self, alerts: Sequence[Alert]) -> None:
-        """Say how many alerts are open."""
+        """Show the number of open alerts."""
         worst = max((Severity(alert.severity) for alert in alerts), key=list(Severity).index, default=Severity.INFO)
         self._nav.set_content(self._html(alerts, worst))
 
@@ -97,10 +97,10 @@ class Links:
 
 
 def icon_of(name: str) -> str:
-    """Return an icon as HTML, which costs less than an element."""
+    """Return an icon as HTML, which is cheaper than an element."""
     return f'<i class="q-icon notranslate material-icons" aria-hidden="true">{escape(name)}</i>'
 
 
 def still(html: str, *, tag: str = "div") -> ui.html:
-    """Make one element of HTML of ours, in which what comes from elsewhere is escaped."""
+    """Return one element of our own HTML, in which foreign text is escaped."""
     return ui.html(html, sanitize=False, tag=tag)

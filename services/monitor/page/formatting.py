@@ -1,4 +1,4 @@
-"""Times, counts and ages as the page says them. Pure."""
+"""Formats times, counts and ages for the page. Pure."""
 
 from datetime import UTC, datetime
 from typing import Final
@@ -12,14 +12,14 @@ NOTHING: Final = "\N{EN DASH}"
 
 
 def ago(then_ns: int, now_ns: int) -> str:
-    """Return how long ago something was, in its largest unit; `never` for 0. What is yet to come is now."""
+    """Return the age of a time in its largest unit; `never` for 0. Future times are now."""
     if not then_ns:
         return NEVER
     return f"{lasting((now_ns - then_ns) / NS)} ago" if now_ns - then_ns >= NS else "now"
 
 
 def lasting(seconds: float) -> str:
-    """Return a duration in whole units of the largest that it has one of; under a second it is 0 s."""
+    """Return a duration in whole units, of the largest that fits; 0 s below a second."""
     for size, unit in UNITS:
         if seconds >= size:
             return f"{int(seconds // size)} {unit}"
@@ -27,7 +27,7 @@ def lasting(seconds: float) -> str:
 
 
 def age_text(age: Age | None) -> str:
-    """Return an age to a tenth of a second up to ten, with `>` where only a lower bound is known."""
+    """Return an age, to a tenth of a second up to ten, with `>` where only a lower bound is known."""
     if age is None:
         return NOTHING
     bound = "" if age.exact else "> "
@@ -44,12 +44,12 @@ def brief(count: int) -> str:
 
 
 def rate_text(hz: float) -> str:
-    """Return a rate; an en dash for none."""
+    """Return a rate; an en dash if there is none."""
     return f"{hz:.1f}/s" if hz > 0 else NOTHING
 
 
 def iso(at_ns: int) -> str:
-    """Return a time as ISO 8601 in UTC to the millisecond, which the browser shows in its own zone; empty for 0."""
+    """Return a time as ISO 8601 in UTC with milliseconds, which the browser shows in its own zone; empty for 0."""
     if not at_ns:
         return ""
     return datetime.fromtimestamp(at_ns / NS, UTC).isoformat(timespec="milliseconds")

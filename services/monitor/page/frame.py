@@ -1,4 +1,4 @@
-"""What every page has around it: where to go, who is there, and what is wrong with the monitor itself."""
+"""The frame around every page: navigation, user, and problems of the monitor."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
@@ -20,7 +20,7 @@ from services.monitor.web.auth.users import Visitor, visitor_of
 
 REFRESH_S: Final = 1.0
 RECONNECT_TIMEOUT_S: Final = 30.0
-"""How long a page may take to be made on a machine that is busy."""
+"""Seconds allowed for making a page on a busy machine."""
 
 STYLE: Final = (Path(__file__).parent / "style.css").read_text(encoding="utf-8")
 THEME_COOKIE: Final = "fleetsight-theme"
@@ -51,11 +51,11 @@ THEMES: Final = (
 
 
 VISITS: Final = Visits()
-"""Of the whole process, as the pages themselves are."""
+"""For the whole process, like the pages themselves."""
 
 
 def page_at(path: str) -> ui.page:
-    """Return what makes a function a page, for visitors who do not have too many open."""
+    """Return a decorator that makes a function a page, for visitors below the limit of open pages."""
 
     async def make_room(request: Request) -> None:
         if not VISITS.make_room(visitor_of(request).name):
@@ -68,7 +68,7 @@ def page_at(path: str) -> ui.page:
 async def page_frame(
     monitor: Monitor, title: str, here: PageLink | None = None, *, bars: bool = True
 ) -> AsyncIterator[Visitor]:
-    """Fill a page: what is made inside is below the header. Gives who looks.
+    """Fill a page: elements made inside are below the header. Yields the visitor.
 
     here: the place that it belongs to. bars: it has a header and a footer to go elsewhere.
     An element takes a third of a millisecond to make: whatever else waits gets its turn in between.
@@ -98,7 +98,7 @@ async def page_frame(
         banners.refresh()
         if not links:
             return
-        with suppress(HistoryError):  # which is among the problems
+        with suppress(HistoryError):  # already shown among the problems
             alerts = await monitor.current_alerts()
             for each in links:
                 each.count(alerts)
@@ -111,7 +111,7 @@ async def page_frame(
 
 
 class _Banners:
-    """What is wrong with the monitor itself."""
+    """Problems of the monitor itself."""
 
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
@@ -121,7 +121,7 @@ class _Banners:
         self.refresh()
 
     def refresh(self) -> None:
-        """Say it as it is now."""
+        """Show the current problems."""
         deaf, problems = self._monitor.health.problem, self._monitor.problems()
         if (bool(deaf), problems) != self._shown:
             self._shown = bool(deaf), problems
@@ -131,18 +131,18 @@ class _Banners:
                 for problem in problems:
                     banner(problem)
         if self._deaf is not None:
-            self._deaf.set_text(f"The fleet cannot be heard, what is shown is what was heard last: {deaf}")
+            self._deaf.set_text(f"The fleet cannot be heard, the last known state is shown: {deaf}")
 
 
 def banner(text: str, *, bad: bool = False) -> ui.label:
-    """Say what is wrong; return where it is said."""
+    """Add a banner; return its label."""
     with ui.element("div").classes(f"fs-banner {'fs-bad' if bad else ''}").props('role="alert"'):
         ui.icon("error" if bad else "warning")
         return ui.label(text)
 
 
 def nothing_yet(icon: str, what: str, *do: str, command: str = "", more: str = "") -> ui.html:
-    """Say that there is nothing, and what to do about it; return what says so. more: what is below the command."""
+    """Add a notice that there is nothing, with advice; return its element. more: text below the command."""
     lines = "".join(f"<div>{escape(line)}</div>" for line in do)
     code = f'<div class="fs-code">{escape(command)}</div>' if command else ""
     below = f"<div>{escape(more)}</div>" if more else ""
@@ -150,7 +150,7 @@ def nothing_yet(icon: str, what: str, *do: str, command: str = "", more: str = "
 
 
 def export_link(monitor: Monitor, what: str) -> None:
-    """Offer what the history has of the last day, as a file. what: sightings or alerts."""
+    """Add a link to the last day of history as a file. what: sightings or alerts."""
     if monitor.settings.history != NONE:
         link = ui.link("Last day as CSV", f"/api/v1/history/export?what={what}&bom=true")
         link.classes("fs-link fs-small").props("download")

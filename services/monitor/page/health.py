@@ -1,4 +1,4 @@
-"""Health: workers, gateways and the monitor itself; who serves which camera, and what is wrong."""
+"""The health page: workers, gateways and the monitor itself; which worker serves which camera, and problems."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,7 @@ from services.monitor.page.shared import Shared
 
 
 class MonitorHealth:
-    """A list of what a monitor says of itself."""
+    """The list of facts about a monitor."""
 
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
@@ -43,13 +43,13 @@ class MonitorHealth:
                 self._labels.append(ui.label())
 
     def refresh(self) -> None:
-        """Say it as it is now."""
+        """Show the current facts."""
         for label, (_, fact) in zip(self._labels, facts(self._monitor, time.time_ns()), strict=True):
             label.set_text(fact)
 
 
 def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
-    """Yield what a monitor says of itself: always the same things in the same order."""
+    """Yield the facts about a monitor: always the same ones in the same order."""
     history, settings = monitor.history.status, monitor.settings
     yield "Running for", lasting((now_ns - monitor.started_ns) / NS)
     yield "Robots join at", ", ".join(endpoints_to_join(settings)) or "what scouting finds"
@@ -57,8 +57,8 @@ def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
         kept = "not kept: started with --history none"
     else:
         kept = f"not kept: {history.problem}" if history.problem else "kept"
-        kept += f", {history.pending:,} rows wait to be written" if history.pending else ""
-        kept += f", {history.lost:,} given up" if history.lost else ""
+        kept += f", {history.pending:,} rows waiting to be written" if history.pending else ""
+        kept += f", {history.lost:,} dropped" if history.lost else ""
     yield "History", kept
     yield (
         "Alerts",
@@ -123,8 +123,8 @@ class _Health:
             )
             self._no_worker = nothing_yet(
                 "memory",
-                "No worker has said anything yet",
-                "Without a detector nobody says what cameras see. Start one where there is a CPU or GPU to spare:",
+                "No worker has reported yet",
+                "Cameras need a detector. Start one on a machine with a CPU or GPU to spare:",
                 command=f"fleetsight detector --connect {endpoint_to_join(monitor.settings)}",
             )
         with _panel("Gateways"):
@@ -139,15 +139,15 @@ class _Health:
                 card=GATEWAY_CARD,
             )
             self._no_gateway = nothing_yet(
-                "smart_toy", "No gateway is here", "Robots come with theirs; see the fleet for how to start one."
+                "smart_toy", "No gateway has joined", "Each robot runs its own; the Fleet page shows how to start one."
             )
-            self._none = nothing_yet("search_off", "No gateway is like that", "Clear the search.")
+            self._none = nothing_yet("search_off", "No gateway matches", "Clear the search.")
         with _panel("This monitor"):
             self._itself = MonitorHealth(monitor)
         ui.timer(REFRESH_S, self.refresh, immediate=False)
 
     async def refresh(self) -> None:
-        """Show how everything is now."""
+        """Show the current state."""
         await self._workers.refresh()
         await self._gateways.refresh()
         self._itself.refresh()
@@ -158,10 +158,10 @@ class _Health:
         if alone:
             named = ", ".join(map(str, alone[:MAX_NAMED]))
             rest = f" and {len(alone) - MAX_NAMED:,} more" if len(alone) > MAX_NAMED else ""
-            self._unserved_text.set_text(f"No detector looks after {named}{rest}. Start one to know what they see.")
+            self._unserved_text.set_text(f"No detector serves {named}{rest}. Start one to see what is in view.")
 
     async def _load_workers(self, window: RowWindow) -> Loaded:
-        await self._shared.survey()  # takes the rates
+        await self._shared.survey()  # updates the rates
         workers = sorted(
             self._monitor.glance().workers.lines, key=lambda worker: (not worker.online, natural(worker.name))
         )

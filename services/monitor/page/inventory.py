@@ -1,4 +1,4 @@
-"""The inventory: what is in view of every camera, and how many were."""
+"""The inventory page: the objects in view of every camera, and counts over time."""
 
 import asyncio
 import time
@@ -25,8 +25,8 @@ MAX_TILES: Final = 8
 MAX_CSV: Final = 100_000
 
 SUMS: Final = (
-    "These numbers, and those of the chart, add up what each camera has in view: what two cameras see counts twice. "
-    "The map has each thing once."
+    "These counts and the chart are sums over cameras: an object that two cameras see counts twice. "
+    "The map shows each object once."
 )
 
 COLUMNS: Final = (
@@ -74,18 +74,18 @@ class _Inventory:
             self._table.table.on("choose", self._choose)
             self._nothing = nothing_yet(
                 "inventory_2",
-                "Nothing was seen yet",
+                "Nothing has been seen yet",
                 "Class lists come from a detector, once a robot with a camera has joined. Start one where there is "
                 "a CPU or GPU to spare:",
                 command=f"fleetsight detector --connect {endpoint_to_join(monitor.settings)}",
             )
             self._none = nothing_yet(
                 "search_off",
-                "Nothing is like that",
+                "No sighting matches",
                 "Clear the search, or switch off In view now to see what was there before.",
             )
         ui.timer(REFRESH_S, self.refresh, immediate=False)
-        ui.timer(MAX_AGE_S, self.draw)  # a slow database keeps nobody from the page
+        ui.timer(MAX_AGE_S, self.draw)  # a slow database does not delay the page
 
     def _draw_panel(self) -> None:
         with ui.element("div").classes("fs-panel"):
@@ -113,15 +113,15 @@ class _Inventory:
             )
 
     async def refresh(self) -> None:
-        """Show what is in view now."""
+        """Show the objects in view now."""
         await self._table.refresh()
 
     async def draw(self) -> None:
-        """Draw the chart anew."""
+        """Draw the chart again."""
         drawn = await self._charts.of(self._subject)
         self._about.set_text(f"In view: {self._subject}")
         self._all.set_visibility(bool(self._subject.robot))
-        why_not = drawn.problem or ("" if drawn.lines else "Nothing of it was in view in this time.")
+        why_not = drawn.problem or ("" if drawn.lines else "None of it was in view during this time.")
         self._why_not.set_text(why_not)
         self._why_not.set_visibility(bool(why_not))
         self._chart.set_visibility(not why_not)
@@ -147,7 +147,7 @@ class _Inventory:
             views = stock.views[name]
             of = f"in {views:,} views" if views > 1 else ""
             tile.show(f"{stock.totals.get(name, 0):,}", of, on=name == self._filters.name)
-        unknown = f", {stock.unknown:,} more not known now" if self._filters.in_view and stock.unknown else ""
+        unknown = f", {stock.unknown:,} more currently unknown" if self._filters.in_view and stock.unknown else ""
         self._found.set_text(plural(len(found), "sighting") + unknown)
         self._sums.set_visibility(any(views > 1 for views in stock.views.values()))
         self._nothing.set_visibility(not stock.entries)

@@ -1,4 +1,4 @@
-"""A table of which only the rows that are looked at are sent, so that thousands cost no more than a screenful."""
+"""A table that sends only its visible rows, so that thousands cost no more than a screenful."""
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -17,7 +17,7 @@ Rows = list[dict[str, Any]]
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column. name: what it is sorted by, if it is sortable."""
+    """A column. name: its sort key, if it is sortable."""
 
     name: str
     label: str
@@ -27,7 +27,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class RowWindow:
-    """What of a table is looked at."""
+    """The visible part of a table."""
 
     sort: str
     descending: bool
@@ -37,7 +37,7 @@ class RowWindow:
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """The rows of a window, and how many there are in all. tell: says beside the table what was found."""
+    """The rows of a window, and the number of all rows. tell: shows beside the table how many were found."""
 
     rows: Rows
     count: int
@@ -45,15 +45,15 @@ class Loaded:
 
 
 Load = Callable[[RowWindow], Awaitable[Loaded]]
-"""Returns what is in a window. It says nothing itself: by then another window, or other rows, may be wanted."""
+"""Returns the rows of a window without side effects: by then another window, or other rows, may be wanted."""
 
 
 class _Table(ui.table, component="live_table.js"):
-    """What a browser shows; see there."""
+    """The table element in the browser; see the JavaScript file of the same name."""
 
 
 class LiveTable:
-    """A table whose rows `load` gives whenever `refresh` is called, or somebody turns a page or sorts.
+    """A table that calls `load` for its rows on `refresh`, on sorting and on turning pages.
 
     body, card: Vue templates of a row (`props.row`) and of what it is on a phone; `{{ }}` shows text as text.
     """
@@ -83,7 +83,7 @@ class LiveTable:
         self.table.on("size", self._resize)
 
     async def refresh(self) -> None:
-        """Show what there is now, unless another one begins meanwhile: that knows better what is looked at."""
+        """Show the current rows, unless a newer call begins meanwhile: that one knows the current window."""
         self._begun += 1
         begun = self._begun
         size, page = self._pagination["rowsPerPage"], self._pagination["page"]
@@ -120,7 +120,7 @@ class LiveTable:
         ]
 
     async def begin(self) -> None:
-        """Show the first page."""
+        """Return to the first page."""
         self._pagination["page"] = 1
         await self.refresh()
 
@@ -142,7 +142,7 @@ class LiveTable:
 
 
 def search_field(placeholder: str, look_for: Callable[[str], Awaitable[None]], text: str = "") -> None:
-    """Make the field that a table is searched with. look_for: is given what somebody types. text: what is searched."""
+    """Add a table's search field. look_for: called with the typed text. text: the initial text."""
 
     async def changed(event: events.ValueChangeEventArguments[str | None]) -> None:
         await look_for((event.value or "")[:MAX_TEXT])

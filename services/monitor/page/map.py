@@ -1,4 +1,4 @@
-"""The map: where robots are and where things were seen last."""
+"""The map page: robots' poses and the last places of objects."""
 
 import time
 from collections import Counter
@@ -30,12 +30,12 @@ FOR_EVER: Final = {"Cache-Control": "private, max-age=31536000, immutable"}
 
 
 def url_of(plan: FloorPlan) -> str:
-    """Return where a browser finds its image."""
+    """Return the URL of a floor plan's image."""
     return f"/floor-plan/{plan.digest}.png"
 
 
 def floor_plan_route(plan: FloorPlan) -> Route:
-    """Return what answers there."""
+    """Return the route that serves the floor plan's image."""
 
     async def image(_: Request) -> Response:
         return Response(plan.png, media_type="image/png", headers=FOR_EVER)
@@ -67,7 +67,7 @@ def add_map(monitor: Monitor, views: Views) -> None:
 
 
 class _Map:
-    """What the page shows. Its bounds only grow, so that it does not jump."""
+    """The page's content. Its bounds only grow, so that it does not jump."""
 
     def __init__(self, monitor: Monitor, last_poses: LastPoses) -> None:
         self._monitor = monitor
@@ -90,7 +90,7 @@ class _Map:
                     ROBOT_ICON,
                     "No position is known yet",
                     "Robots appear once their gateways send transforms from map to base_link, or they see two objects.",
-                    "Objects appear once somebody measures how far away they are:",
+                    "Objects appear once a distance service measures where they are:",
                     command=f"fleetsight distance --connect {endpoint_to_join(monitor.settings)}",
                 )
             with ui.element("section").classes("fs-panel"):
@@ -100,7 +100,7 @@ class _Map:
                 self._missing = ui.label().classes("fs-line fs-muted")
 
     def robots(self) -> list[str]:
-        """Return the robots to follow: the one that was chosen, or as many as can be of those online."""
+        """Return the robots to follow: the chosen one, or as many of those online as the limit allows."""
         online = self._monitor.fleet.inventory.robots()
         self._offer(sorted(online | self._last_poses.names(time.time_ns()), key=natural))
         return [self._robot.value] if self._robot.value else sorted(online, key=natural)[:MOST_ROBOTS]
@@ -116,7 +116,7 @@ class _Map:
         self._bounds = None
 
     def refresh(self, whereabouts: Mapping[str, Whereabouts], crowded: str) -> None:
-        """Draw everything as it is now."""
+        """Draw the current state."""
         now_ns = time.time_ns()
         poses = {name: where.pose() for name, where in whereabouts.items()}
         online = self._monitor.fleet.inventory.robots()
@@ -155,7 +155,7 @@ def _title(text: str) -> None:
 
 
 def keys(marks: Sequence[Mark], now_ns: int) -> str:
-    """Return as HTML which colour stands for what, and how many of it were seen just now."""
+    """Return the legend as HTML, with the number of recently seen objects of each class."""
     counts = Counter(mark.name for mark in marks if is_fresh(mark, now_ns))
     told = [(colour_of(name), f"{counts[name]} {name}") for name in sorted({mark.name for mark in marks})]
     if stale := sum(not is_fresh(mark, now_ns) for mark in marks):
@@ -164,7 +164,7 @@ def keys(marks: Sequence[Mark], now_ns: int) -> str:
 
 
 def row(mark: Mark, now_ns: int) -> str:
-    """Return as HTML what was seen where: one element for all of them, however often they change."""
+    """Return a mark as HTML for the list, which is one element."""
     fresh = is_fresh(mark, now_ns)
     return (
         f'<div class="fs-row {"" if fresh else "fs-stale"}">{_dot(colour_of(mark.name) if fresh else STALE)}'

@@ -1,4 +1,4 @@
-"""The objects in view of one camera in 3D: their own points in colour, and a box around each."""
+"""The 3D page: the objects in view of one camera, as coloured points with a box around each."""
 
 import math
 import time
@@ -27,19 +27,19 @@ from services.monitor.page.picture_frame import VIEW_STYLE, PageVisibility, Stag
 
 PATH: Final = "/objects/{robot}/{camera}"
 REFRESH_S: Final = 1.0
-"""Clouds are large: a browser gets one a second at most, whatever comes."""
+"""Clouds are large: a browser gets at most one a second."""
 
 SERVICE: Final = "cloud"
 POINT_M: Final = 0.025
 EYE_DEGREES: Final = 50
 FPS: Final = 15
-"""Enough to turn it by hand, and what a machine without a graphics card can draw."""
+"""Enough for turning the scene by hand, and feasible without a graphics card."""
 
 LEAST_M: Final = 0.01
 MOST_BOXES: Final = 40
 BACKGROUND: Final = "#0b0f13"
 GAMMA: Final = 2.2
-"""Cameras' colours are made for screens, those of a scene are light."""
+"""Cameras' colours are encoded for screens, those of a scene are linear."""
 
 SHOW_POINTS: Final = "window['scene_{id}'].traverse(each => {{ if (each.isPoints) each.frustumCulled = false; }})"
 """The browser would go on to look whether the first points that it got are in view, not those that are there now."""
@@ -75,7 +75,7 @@ def add_objects(monitor: Monitor, views: Views) -> None:
 
 
 class _Solids:
-    """What the page shows."""
+    """The page's content."""
 
     def __init__(self, monitor: Monitor, key: CameraKey) -> None:
         self._monitor, self._key = monitor, key
@@ -119,16 +119,16 @@ class _Solids:
         self._boxes: list[Box] = []
 
     def begin(self) -> None:
-        """Note that they are asked for from now on."""
+        """Note that clouds are requested from now on."""
         self._since_s = time.monotonic()
         self._shown = 0
 
     def say(self, reason: Reason) -> None:
-        """Say why nothing is shown."""
+        """Explain why nothing is shown."""
         self._stage.explain(reason)
 
     def refresh(self, newest: Newest[ObjectClouds]) -> None:
-        """Show what came, unless what is shown is to stay."""
+        """Show the newest clouds, unless the view is frozen."""
         if newest.message is not None and newest.number != self._shown and self._live.value:
             self._shown, self._seen, self._received_ns = newest.number, newest.message, newest.received_ns
             self._draw()
@@ -150,8 +150,8 @@ class _Solids:
         )
         reason = why_nothing(self._key, Stream.OBJECTS, SERVICE, facts)
         self._stage.explain(
-            Reason("What arrives is no cloud", newest.problem) if newest.problem else reason,
-            f"What is shown is {age_text(age)} old" if age else "",
+            Reason("The message received is not a point cloud", newest.problem) if newest.problem else reason,
+            f"The clouds are {age_text(age)} old" if age else "",
         )
 
     def _choose(self, index: int | None) -> None:
@@ -208,7 +208,7 @@ class _Solids:
 
 
 class _Row:
-    """One object in the list. It stays where it is when what it shows changes, so that it can be clicked."""
+    """One object in the list. Its element stays in place when its data changes, so that it can be clicked."""
 
     def __init__(self, choose: Callable[[int], None]) -> None:
         self._index = 0
@@ -234,4 +234,4 @@ class _Row:
 
 def _nothing_in_view(seen: ObjectClouds | None) -> Reason:
     why = next(iter(seen.unmeasured.values()), "") if seen else ""
-    return Reason("No object has a cloud now", why or "Nothing that the model knows is in view.")
+    return Reason("No object has a cloud now", why or "No object of a class that the model knows is in view.")

@@ -1,4 +1,4 @@
-"""What is answered instead of a page: what is wrong, and what to do. Pure."""
+"""Limits the pages that a visitor has open, and answers with an error page over the limit. Pure."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -10,43 +10,43 @@ from fastapi.responses import HTMLResponse
 from services.monitor.web.auth.forms import notice
 
 MOST_OPEN: Final = 50
-"""Pages that one visitor has at once."""
+"""Maximum number of pages per visitor."""
 
 MOST_LEFT: Final = 10
-"""Of them those that no browser is connected to: what was fetched and never opened would else be kept for a minute."""
+"""Maximum of these without a browser connection: pages fetched but never opened would be kept for a minute."""
 
 
 class Client(Protocol):
-    """A page in a browser, as the page's library has it."""
+    """A page in a browser, as the page's library represents it."""
 
     @property
     def has_socket_connection(self) -> bool:
-        """Whether a browser shows it."""
+        """Whether a browser is connected."""
 
     @property
     def is_deleted(self) -> bool:
-        """Whether it is over."""
+        """Whether the page is closed."""
 
     def delete(self) -> None:
-        """End it."""
+        """Close the page."""
 
 
 @dataclass(slots=True, eq=False)
 class Visit:
-    """One page. made: whether it is whole, so that it may be given up."""
+    """One page. made: it is complete, so that it may be closed."""
 
     client: Client
     made: bool = False
 
 
 class Visits:
-    """Every page that was sent and is not over, by visitor."""
+    """All pages that were sent and are not closed, by visitor."""
 
     def __init__(self) -> None:
         self._of = defaultdict[str, list[Visit]](list)
 
     def make_room(self, name: str) -> bool:
-        """Give up what a visitor left; return whether they may have one more page."""
+        """Close a visitor's abandoned pages; return whether one more page is allowed."""
         here = [visit for visit in self._of.pop(name, ()) if not visit.client.is_deleted]
         left = [visit for visit in here if visit.made and not visit.client.has_socket_connection]
         for visit in left[: max(0, len(left) - MOST_LEFT + 1)]:
@@ -57,18 +57,18 @@ class Visits:
         return len(here) < MOST_OPEN
 
     def begin(self, name: str, client: Client) -> Visit:
-        """Note that a visitor gets a page."""
+        """Note that a page is made for a visitor."""
         visit = Visit(client)
         self._of[name].append(visit)
         return visit
 
 
 class TooManyPagesError(Exception):
-    """A visitor has as many pages open as may be."""
+    """A visitor has the maximum number of pages open."""
 
 
 def answer_instead(pages: FastAPI) -> None:
-    """Have the pages' application answer its errors so."""
+    """Register error pages with the pages' application."""
     pages.add_exception_handler(TooManyPagesError, _too_many)
     pages.add_exception_handler(404, _nothing_here)
     pages.add_exception_handler(Exception, _broken)

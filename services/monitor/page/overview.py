@@ -1,4 +1,4 @@
-"""The fleet: every robot, how it is, and what its cameras see."""
+"""The fleet page: every robot, its state, and the objects in view of its cameras."""
 
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
@@ -46,7 +46,7 @@ def add_overview(shared: Shared, monitor: Monitor) -> None:
 
 
 class _Figures:
-    """How many robots there are of each state. chosen: is called with a state that somebody clicks at."""
+    """The number of robots in each state. chosen: called with a state when it is clicked."""
 
     def __init__(self) -> None:
         self.chosen: Callable[[RobotState], Awaitable[None]] | None = None
@@ -63,7 +63,7 @@ class _Figures:
             await self.chosen(state)
 
     def show(self, survey: Survey, chosen: RobotState | None) -> None:
-        """Show them as they are now."""
+        """Show the current figures."""
         every = survey.size
         for state, tile in self._tiles.items():
             count = survey.counts.get(state, 0)
@@ -95,7 +95,7 @@ class _Overview:
             self._table.table.on("forget", self._forget)
             self._nobody = nobody_yet(monitor)
             self._none = nothing_yet(
-                "search_off", "No robot is like that", "Clear the search, or choose another state above."
+                "search_off", "No robot matches", "Clear the search, or choose another state above."
             )
         self._sure = Confirmation(
             "Forget",
@@ -151,7 +151,7 @@ class _Overview:
 
 
 def nobody_yet(monitor: Monitor) -> ui.html:
-    """Say that no robot has joined, and how one does; return what says so."""
+    """Add a notice that no robot has joined, and how to start one; return it."""
     endpoint = endpoint_to_join(monitor.settings)
     return nothing_yet(
         "smart_toy",

@@ -1,4 +1,4 @@
-"""Whether somebody looks at a page: it is open in a browser, and not in a tab behind others."""
+"""Live pages of one camera: their visibility in the browser, and the stage that shows content or a reason."""
 
 import asyncio
 from pathlib import Path
@@ -15,7 +15,7 @@ VIEW_STYLE: Final = (Path(__file__).parent / "view.css").read_text(encoding="utf
 
 
 def camera_key(robot: str, camera: str) -> CameraKey | None:
-    """Return the camera that an address names; None, and say so, if none can be called so."""
+    """Return the camera of an address; if its name is invalid, show that and return None."""
     try:
         return CameraKey(robot, camera)
     except SchemaError as error:
@@ -24,7 +24,7 @@ def camera_key(robot: str, camera: str) -> CameraKey | None:
 
 
 class Stage:
-    """A dark place with a reason before it. What is shown is made inside `filling`."""
+    """A dark area that shows its content, or a reason why there is none. Content is made inside `filling`."""
 
     def __init__(self) -> None:
         self._stage = ui.element("div").classes("fs-stage")
@@ -36,11 +36,11 @@ class Stage:
         self.explain(None)
 
     def filling(self) -> ui.element:
-        """Return what that which is shown is to be made in."""
+        """Return the container for the content."""
         return self._stage
 
     def explain(self, reason: Reason | None, age: str = "") -> None:
-        """Say why nothing is shown, or nothing newer than what is so old; None: it is as it should be."""
+        """Show why there is no content, or none newer than the given age; None: all is well."""
         self._reason.set_visibility(reason is not None)
         if reason is not None:
             self._title.set_text(reason.title)
@@ -58,7 +58,7 @@ emitEvent('{EVENT}', !document.hidden);
 
 
 class PageVisibility:
-    """Follows one page; to be made while the page is built."""
+    """Tracks the visibility of one page; create it while the page is built."""
 
     def __init__(self) -> None:
         self._client = ui.context.client
@@ -70,7 +70,7 @@ class PageVisibility:
 
     @property
     def looks(self) -> bool:
-        """Whether somebody looks now."""
+        """Whether the page is visible now."""
         return self._looks and not self.is_over
 
     @property
@@ -79,14 +79,14 @@ class PageVisibility:
         return self._client.is_deleted
 
     async def begins(self) -> bool:
-        """Wait until somebody looks; return False once the page is closed."""
+        """Wait until the page is visible; return False once it is closed."""
         await self._client.connected()
         while not (self.looks or self.is_over):
             await self._change()
         return not self.is_over
 
     async def ends(self, within_s: float | None = None) -> bool:
-        """Wait until nobody looks, for so long at most; return whether that is so."""
+        """Wait until the page is hidden, up to a timeout; return whether it is."""
         try:
             async with asyncio.timeout(within_s):
                 while self.looks:

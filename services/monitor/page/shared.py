@@ -1,4 +1,4 @@
-"""What all pages that are looked at have in common, so that it is made once for all of them."""
+"""Data shared by all visible pages, made once for all of them."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -11,10 +11,10 @@ from services.monitor.page.rows.robots import Survey, standings_of
 from services.monitor.recent import CachedValue
 
 MAX_AGE_S: Final = 1.9
-"""How old what is said of all robots, or of all that is in view, may be."""
+"""Maximum age of the survey of robots, and of the stock, in seconds."""
 
 SHARE: Final = 0.05
-"""Of the time, that making it may take: of a small fleet it is made whenever somebody asks."""
+"""Maximum share of time spent on making them: in a small fleet they are made on each request."""
 
 
 class Shared:
@@ -31,11 +31,11 @@ class Shared:
         self.rates: Mapping[str, float] = {}
 
     async def survey(self) -> Survey:
-        """Return the robots as they are now."""
+        """Return the current robots."""
         return await self._survey.get()
 
     async def stock(self) -> Stock:
-        """Return what is or was in view, as it is now."""
+        """Return the current sightings."""
         return await self._stock.get()
 
     async def _take_survey(self) -> Survey:

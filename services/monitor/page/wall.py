@@ -1,4 +1,4 @@
-"""The wall screen: what needs somebody, then the other robots, page after page by itself."""
+"""The wall screen: items that need attention, then the other robots, with pages that turn by themselves."""
 
 import time
 from collections.abc import Sequence
@@ -23,12 +23,12 @@ from services.monitor.page.shared import Shared
 from services.monitor.web.auth.users import Visitor
 
 TURN_S: Final = 10.0
-"""How long one page of what does not fit at once is shown."""
+"""Seconds for which one page of items is shown."""
 
 LOST: Final = (RobotState.OFFLINE, RobotState.SILENT)
 THERE: Final = (RobotState.TROUBLE, RobotState.ONLINE)
 MOST: Final = 200
-"""Lines, or cells, on the largest of screens."""
+"""Maximum number of lines, or cells, on the largest of screens."""
 
 STYLE: Final = (Path(__file__).parent / "wall.css").read_text(encoding="utf-8")
 
@@ -44,7 +44,7 @@ const tell = () => {{
 }};
 new ResizeObserver(tell).observe(cells);
 """
-"""Says how many lines and cells there is room for, of the heights and widths that the style gives them."""
+"""Reports how many lines and cells fit, from the heights and widths in the style sheet."""
 
 
 def add_wall(shared: Shared, monitor: Monitor) -> None:
@@ -59,14 +59,14 @@ def add_wall(shared: Shared, monitor: Monitor) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Fits:
-    """How many lines of what needs somebody, and cells of robots, there is room for."""
+    """The number of attention lines, and of robot cells, that fit."""
 
     lines: int = 6
     cells: int = 12
 
 
 class _Wall:
-    """What one screen shows."""
+    """The content of one screen."""
 
     def __init__(self, shared: Shared, monitor: Monitor, visitor: Visitor) -> None:
         self._shared, self._monitor, self._visitor = shared, monitor, visitor
@@ -101,7 +101,7 @@ class _Wall:
         self._nobody.set_visibility(not survey.size)
 
     async def _alerts(self) -> tuple[Sequence[Alert] | None, str]:
-        """Return the open alerts; else None, and why nobody knows them."""
+        """Return the open alerts; else None, and why they are unknown."""
         try:
             return await self._monitor.current_alerts(), ""
         except HistoryError as error:
@@ -117,7 +117,7 @@ class _Wall:
             for each in shown
         ]
         if unknown:
-            why = f"Nobody knows which alerts are open: {unknown}"
+            why = f"Open alerts are unknown: {unknown}"
             lines.insert(0, f'<div class="fs-calm fs-warn">{escape(why)}</div>')
         elif not needs:
             lines.append('<div class="fs-calm">No critical alert is open and no robot is offline or silent.</div>')
@@ -136,7 +136,7 @@ class _Wall:
 
 
 def figures(survey: Survey, alerts: Sequence[Alert] | None) -> str:
-    """Return how many robots there are of each state, and open alerts of each severity, as HTML."""
+    """Return the number of robots of each state, and of open alerts of each severity, as HTML."""
     robots = [
         _figure(f"{survey.counts.get(state, 0):,}", state, mark=f"fs-dot fs-{state}", color=_COLORS[state])
         for state in reversed(RobotState)

@@ -1,1 +1,1 @@
-"""Rules that turn what the fleet sees into alerts and actions."""
+"""Rules that turn the fleet's sightings into alerts and actions."""

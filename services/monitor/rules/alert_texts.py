@@ -1,4 +1,4 @@
-"""The words of alerts: one function for each thing that a rule may report. Pure."""
+"""The texts of alerts: one function per kind of condition. Pure."""
 
 from schemas.keys import CameraKey
 
@@ -24,15 +24,15 @@ def nearer(name: str, camera: CameraKey, distance_m: float, limit_m: float) -> s
 
 
 def disagree(name: str, camera: CameraKey, counts: tuple[int, int]) -> str:
-    """Return the words for two models that look at one camera. counts: what each of them has in view."""
+    """Return the text for two models that disagree on one camera. counts: the count of each of them."""
     return f"two models count {counts[0]} and {counts[1]} {name} in view of {camera}"
 
 
 def silent(camera: CameraKey) -> str:
-    """Return the words for a camera that no worker reports on."""
+    """Return the text for a camera without class lists."""
     return f"{camera} is silent"
 
 
 def offline(robot: str) -> str:
-    """Return the words for a robot whose gateway is gone."""
+    """Return the text for a robot whose gateway is gone."""
     return f"{robot} is offline"

@@ -1,4 +1,4 @@
-"""When alerts were raised, and escalated, by a clock that may have been set back. Pure."""
+"""Times at which alerts were raised and escalated, by a clock that may have been set back. Pure."""
 
 from msgspec.structs import replace
 
@@ -8,7 +8,7 @@ from services.monitor.rules.model import AnyRule
 
 
 def had_escalated(alert: Alert, rule: AnyRule | None) -> bool:
-    """Whether an alert has escalated, or was acknowledged only after it was to."""
+    """Whether an alert has escalated, or was acknowledged only after its escalation time."""
     if rule is None or rule.escalate_after_s is None:
         return alert.state is AlertState.ESCALATED
     due_ns = alert.raised_ns + round(rule.escalate_after_s * NS)
@@ -16,7 +16,7 @@ def had_escalated(alert: Alert, rule: AnyRule | None) -> bool:
 
 
 def set_back(alert: Alert, now_ns: int, by_ns: int) -> Alert:
-    """Return an alert that was not raised later than now."""
+    """Return the alert, raised no later than now."""
     if alert.raised_ns <= now_ns:
         return alert
     return replace(alert, raised_ns=alert.raised_ns - by_ns, changed_ns=alert.changed_ns - by_ns)

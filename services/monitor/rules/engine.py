@@ -1,4 +1,4 @@
-"""Rules over time: what must hold for how long, and what becomes of the alerts. Pure."""
+"""Applies rules over time: hold times, cooldowns and the states of alerts. Pure."""
 
 from collections.abc import Callable, Container, Iterable, Iterator
 from typing import Final
@@ -16,11 +16,11 @@ from services.monitor.rules.subjects import Effect, Subject, UnknownAlertError, 
 from services.monitor.rules.waiting import PendingPlaces, Place
 
 MAX_SUBJECTS: Final = 100_000
-"""How many robots, cameras and classes are followed over all rules together."""
+"""Maximum number of robots, cameras and classes followed over all rules together."""
 
 
 class RuleEngine:
-    """Applies a rule book to what changes. Times are epoch nanoseconds of the monitor's clock, which may be set back.
+    """Applies a rule book to changes. Times are epoch nanoseconds of the monitor's clock, which may be set back.
 
     new_id: names alerts. most: subjects that are followed; of more, those that come later are left out.
     What comes out is to be fetched with `due` after everything that went in.
@@ -49,11 +49,11 @@ class RuleEngine:
         return self._book
 
     def alerts(self) -> list[Alert]:
-        """Return the alerts that are not resolved, as they stand."""
+        """Return the unresolved alerts in their current state."""
         return [alert for alert, _ in self._alerts.values()]
 
     def replace(self, book: RuleBook, now_ns: int) -> None:
-        """Put other rules in force. A rule that stays as it was goes on; the alerts of one that is gone resolve."""
+        """Put other rules in force. Unchanged rules continue; the alerts of removed ones resolve."""
         before = {rule.name: rule for rule in self._book.rules}
         same = {rule.name for rule in book.rules if same_rule(rule, before.get(rule.name))}
         kept = {name: subjects for name, subjects in self._subjects.items() if name in same}
@@ -68,7 +68,7 @@ class RuleEngine:
         self._full = self._refused = False
 
     def restore(self, alerts: Iterable[Alert], now_ns: int, escalated: Container[str] = ()) -> None:
-        """Go on with the alerts of a monitor that ran before.
+        """Continue with the alerts of an earlier monitor.
 
         Those resolve that are double, and those of rules that are gone or, by now, about something else. One that was
         acknowledged only after it was to escalate is taken to have done so, too.
@@ -96,7 +96,7 @@ class RuleEngine:
                 self._waiting.discard(alert.rule, place)
 
     def changed(self, changes: Iterable[Change], now_ns: int) -> None:
-        """Take what changed in the inventory."""
+        """Take a change of the inventory."""
         self._advance(now_ns)
         for change in changes:
             key = change.sighting.key
@@ -110,10 +110,10 @@ class RuleEngine:
         return bool(self._rules_of(key.robot, key.camera))
 
     def look(self, look: CameraState, now_ns: int) -> None:
-        """Take what is known of one camera now."""
+        """Take the current state of one camera."""
         self._advance(now_ns)
         robot, camera = look.key.robot, look.key.camera
-        if (names := self._inherited.get((robot, camera))) is not None:  # classes that nobody else may know of any more
+        if (names := self._inherited.get((robot, camera))) is not None:  # classes of restored alerts
             look = msgspec.structs.replace(look, counts={**dict.fromkeys(names, 0), **look.counts})
         (self._unknown.discard if look.speaks else self._unknown.add)((robot, camera))
         for rule in self._rules_of(robot, camera):
@@ -121,7 +121,7 @@ class RuleEngine:
                 self._find(rule, (robot, camera, found.name), found, now_ns)
 
     def robot(self, robot: str, *, alive: bool | None, now_ns: int) -> None:
-        """Take whether a robot's gateway is there, None if that is not known; now_ns: and since when it is not."""
+        """Take whether a robot's gateway is online, None if unknown; now_ns: now, or when it went offline."""
         rules = self._robots.get(robot)
         if rules is None:
             silent = [rule for rule in self._book.rules if isinstance(rule, SilentRule) and not rule.of_cameras]
@@ -133,14 +133,14 @@ class RuleEngine:
             self._find(rule, (robot, "", ""), found, now_ns)
 
     def has_room_again(self) -> bool:
-        """Whether there is room by now for what was left out, once: everything is to be offered again then."""
+        """Whether there is room again for subjects left out, once: then all must be offered again."""
         if not self._refused or not self._has_room():
             return False
         self._refused = False
         return True
 
     def next_ns(self, now_ns: int) -> int | None:
-        """Return when, after now, something that is waited for may be due next; None if nothing is waited for."""
+        """Return the next time, after now, at which something may be due; None if nothing is waiting."""
         ripening_ns = self._waiting.next_ns()
         moments = [
             *([] if ripening_ns is None else [ripening_ns]),
@@ -150,7 +150,7 @@ class RuleEngine:
         return min((moment for moment in moments if moment > now_ns), default=None)
 
     def due(self, now_ns: int) -> list[Effect]:
-        """Let time pass; return what became of alerts since this was asked last."""
+        """Advance time; return the effects on alerts since the last call."""
         self._advance(now_ns)
         self._raise_due(now_ns)
         self._escalate_due(now_ns)
@@ -182,7 +182,7 @@ class RuleEngine:
                 self._raise(rule, place, self._subjects[rule.name][place], now_ns)
 
     def _is_known(self, rule: AnyRule, place: Place) -> bool:
-        """Whether what holds somewhere is known to hold now, and not only to have held when that was known last."""
+        """Whether a condition is known to hold now, and not only at its last observation."""
         known = self._subjects[rule.name][place].known
         return known and (isinstance(rule, SilentRule) or place[:2] not in self._unknown)
 
@@ -191,7 +191,7 @@ class RuleEngine:
             self._change(alert, AlertState.ESCALATED, now_ns)
 
     def _escalations(self) -> Iterator[tuple[Alert, int]]:
-        """Yield the alerts that nobody acknowledged yet and when each escalates."""
+        """Yield the unacknowledged alerts and when each escalates."""
         after_s = {rule.name: rule.escalate_after_s for rule in self._book.rules if rule.escalate_after_s is not None}
         for alert, place in self._alerts.values() if after_s else ():
             if alert.state is AlertState.RAISED and alert.rule in after_s:
@@ -199,7 +199,7 @@ class RuleEngine:
                 yield alert, raised_ns + round(after_s[alert.rule] * NS)
 
     def acknowledge(self, alert_id: str, now_ns: int) -> Alert:
-        """Note that somebody looks after an alert.
+        """Acknowledge an alert.
 
         Raises:
             UnknownAlertError: it is not there any more.
@@ -208,7 +208,7 @@ class RuleEngine:
         return alert if alert.state is AlertState.ACKNOWLEDGED else self._change(alert, AlertState.ACKNOWLEDGED, now_ns)
 
     def escalate(self, alert_id: str, now_ns: int) -> Alert:
-        """Have others look after an alert.
+        """Escalate an alert.
 
         Raises:
             UnknownAlertError: it is not there any more.
@@ -217,7 +217,7 @@ class RuleEngine:
         return alert if alert.state is AlertState.ESCALATED else self._change(alert, AlertState.ESCALATED, now_ns)
 
     def resolve(self, alert_id: str, now_ns: int) -> Alert:
-        """Close an alert; it is raised again only after what it is about was no longer so.
+        """Resolve an alert; it is raised again only after its condition has cleared.
 
         Raises:
             UnknownAlertError: it is not there any more.
@@ -226,7 +226,7 @@ class RuleEngine:
 
     def _known(self, alert_id: str) -> Alert:
         if alert_id not in self._alerts:
-            raise UnknownAlertError(f"no alert {alert_id[:64]!r} that is not resolved")
+            raise UnknownAlertError(f"no open alert {alert_id[:64]!r}")
         return self._alerts[alert_id][0]
 
     def _rules_of(self, robot: str, camera: str) -> list[AnyRule]:

@@ -1,4 +1,4 @@
-"""Findings: whether a rule holds for a camera or a change, by what is known now. Pure."""
+"""Findings: whether a rule holds for a camera or a change, from current knowledge. Pure."""
 
 from collections.abc import Iterator, Mapping
 from typing import assert_never
@@ -21,7 +21,7 @@ from services.monitor.rules.model import (
 
 
 class CameraState(msgspec.Struct, frozen=True, gc=False):
-    """What is known of one camera. speaks: it is so now; else it was so when the camera was heard last.
+    """The state of one camera. speaks: it is current; else it is the last known one.
 
     silent_ns: since when the camera says nothing, epoch; None while that is not sure. complete: what is missing is not
     there; else, as soon after the monitor could hear nothing, it may be still to come.
@@ -41,7 +41,7 @@ class CameraState(msgspec.Struct, frozen=True, gc=False):
 
 
 class Finding(msgspec.Struct, frozen=True, gc=False):
-    """Whether what a rule is about is so for a class, and in words where it is.
+    """Whether a rule's condition holds for a class, and the alert's text where it does.
 
     holds: None where it is not known any more. since_ns: since when it holds, epoch; now unless given.
     """
@@ -53,7 +53,7 @@ class Finding(msgspec.Struct, frozen=True, gc=False):
 
 
 def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:
-    """Yield what a rule finds in a look at a camera; of what is not known it says nothing.
+    """Yield a rule's findings for a camera; none for unknown facts.
 
     That something came or went is found in changes, see `found_in`. That it is over is found here too: of what went,
     or came back, while nobody spoke for the camera there is no change.
@@ -88,7 +88,7 @@ def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:
 
 
 def found_in(change: Change, rule: AnyRule) -> Finding | None:
-    """Return what a rule about coming and going finds in a change, None if it is not about it."""
+    """Return an appears or disappears rule's finding for a change; None for other rules."""
     of = change.sighting
     if not isinstance(rule, AppearsRule | DisappearsRule) or rule.of != of.name:
         return None
@@ -114,7 +114,7 @@ def _silent(look: CameraState) -> Finding:
 
 
 def _nearer(rule: NearerRule, look: CameraState) -> Finding:
-    """Return whether it is near; what is not in view, or at no known distance, is not."""
+    """Return whether the object is near; objects out of view, or at an unknown distance, are not."""
     nearest = look.nearest.get(rule.of)
     to_come = not look.complete if look.counts.get(rule.of, 0) else not look.settled
     if nearest is None and to_come:

@@ -1,4 +1,4 @@
-"""Rule files: YAML, validated, and what is wrong said with its line. Pure."""
+"""Loads and validates YAML rule files; errors name the line. Pure."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ MAX_CHARACTERS: Final = 1_000_000
 
 
 class RuleFileError(Exception):
-    """A rule file that cannot be used. line: where, from 1; none if it cannot be read at all."""
+    """A rule file is unusable. line: from 1; None if the file cannot be read at all."""
 
     def __init__(self, line: int | None, reason: str, file: Path | None = None) -> None:
         place = [*([] if file is None else [str(file)]), *([] if line is None else [f"line {line}"])]
@@ -23,12 +23,12 @@ class RuleFileError(Exception):
         self.reason = reason
 
     def of(self, file: Path) -> Self:
-        """Return it with the file's name before the reason."""
+        """Return the error with the file's name before the reason."""
         return type(self)(self.line, self.reason, file)
 
 
 def load_rules(text: str) -> RuleBook:
-    """Read a rule file.
+    """Parse a rule file.
 
     Raises:
         RuleFileError: it is no YAML, says what no rule may say, or names no `rules`, as a file that was emptied does.
@@ -40,11 +40,11 @@ def load_rules(text: str) -> RuleBook:
     except YamlError as error:
         raise RuleFileError(error.line, error.reason) from error
     if content is None:
-        raise RuleFileError(1, f"nothing is in it; {NO_RULES}")
+        raise RuleFileError(1, f"the file is empty; {NO_RULES}")
     try:
         book = RuleBook.model_validate(content)
     except ValidationError as error:
-        mistakes = error.errors(include_url=False)  # a misspelt name first: it explains why another one is missing
+        mistakes = error.errors(include_url=False)  # misspelt keys first: they explain missing ones
         mistake = next((each for each in mistakes if each["type"] == "extra_forbidden"), mistakes[0])
         place = [part for part in mistake["loc"] if part not in KINDS]
         where = list(mistake.get("ctx", {}).get("place", place))
@@ -57,7 +57,7 @@ def load_rules(text: str) -> RuleBook:
 NO_RULES: Final = "to have no rules, write `rules: []`"
 
 KINDS: Final = frozenset({"appears", "disappears", "over", "under", "nearer", "silent", "disagree"})
-"""What pydantic puts into the place of a mistake to say which kind of rule it took it for."""
+"""Rule kinds, which pydantic adds to the location of an error."""
 
 MAPPING: Final = "write it as a mapping, like {a: b}"
 WORDS: Final = {
@@ -69,7 +69,7 @@ WORDS: Final = {
     "dict_type": MAPPING,
     "time_parsing": "write times like '09:00', up to '23:59'",
 }
-"""What kinds of pydantic's mistakes are in words of a rule file; its own speak of Python."""
+"""Messages by pydantic error type; pydantic's own speak of Python."""
 
 
 def _reason(place: list[Any], mistake: Any) -> str:
@@ -78,7 +78,7 @@ def _reason(place: list[Any], mistake: Any) -> str:
         case "missing":
             return f"{name} is missing"
         case "extra_forbidden":
-            return f"{place[-1]!r} is not known here"
+            return f"{place[-1]!r} is not a known key here"
     reason = WORDS.get(mistake["type"], mistake["msg"].removeprefix("Value error, "))
     return f"{name}: {reason}" if name else reason
 
@@ -93,7 +93,7 @@ def _name_of(place: list[Any]) -> str:
 
 @contextmanager
 def reading() -> Iterator[None]:
-    """Make a RuleFileError of whatever keeps a file from being read."""
+    """Turn errors of reading a file into RuleFileError."""
     try:
         yield
     except (OSError, UnicodeDecodeError) as error:
@@ -101,7 +101,7 @@ def reading() -> Iterator[None]:
 
 
 def text_of(path: Path) -> str:
-    """Return what is in a rule file; of one that is too long as much as `load_rules` needs to refuse it.
+    """Return the text of a rule file; of one that is too long, enough for `load_rules` to refuse it.
 
     Raises:
         RuleFileError: it cannot be read.

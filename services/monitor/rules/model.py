@@ -1,4 +1,4 @@
-"""What a rule file may say. Pure."""
+"""The data model of a rule file. Pure."""
 
 from datetime import datetime, time
 from fnmatch import fnmatchcase
@@ -18,7 +18,7 @@ QUARTER_NS: Final = 900 * 1_000_000_000
 DAYS: Final[tuple[Day, ...]] = get_args(Day)
 
 PLACEHOLDERS: Final = ("{robot}", "{camera}", "{class}")
-"""What of an action's payload is filled in."""
+"""Placeholders in an action's payload."""
 
 Text = Annotated[str, Field(min_length=1, max_length=MAX_LABEL)]
 Patterns = Annotated[tuple[Annotated[str, Field(min_length=1, max_length=64)], ...], Field(max_length=1_000)]
@@ -31,7 +31,7 @@ class _Part(BaseModel):
 
 
 class RobotAction(_Part):
-    """What a robot is to do when an alert about it is raised; its gateway's own settings say whether it does.
+    """The action a robot performs when an alert about it is raised, if its gateway's settings allow it.
 
     payload: `{robot}`, `{camera}` and `{class}` in it become the alert's.
     """
@@ -41,7 +41,7 @@ class RobotAction(_Part):
 
 
 class Rule(_Part):
-    """What every rule has. robots, cameras: names, or patterns such as `r*`; all unless given.
+    """The fields of every rule. robots, cameras: names, or patterns such as `r*`; all unless given.
 
     for_s: how long it must be so without a gap. between: local times of day, over midnight too. days: on which those
     begin. cooldown_s: after an alert was raised, none of the same rule, robot, camera and class for so long.
@@ -74,18 +74,18 @@ class Rule(_Part):
     @classmethod
     def _is_a_part_of_the_day(cls, value: tuple[time, time] | None) -> tuple[time, time] | None:
         if value is not None and any(each.tzinfo for each in value):
-            raise ValueError("times are without a time zone; `timezone` of the whole file says which")
+            raise ValueError("write times without a time zone; `timezone` at the top of the file sets it")
         if value is not None and value[0] == value[1]:
-            raise ValueError("begins when it ends, which is never; leave it out for the whole day")
+            raise ValueError("starts and ends at the same time; leave it out for the whole day")
         return value
 
     def applies_to(self, robot: str, camera: str) -> bool:
-        """Whether it is about a robot's camera; about the robot as a whole if that is empty."""
+        """Whether the rule covers a robot's camera, or the whole robot if the camera is empty."""
         cameras = ("*",) if not camera else self.cameras
         return _matches(robot, self.robots) and _matches(camera, cameras)
 
     def applies_at(self, local: datetime) -> bool:
-        """Whether it holds at a time. What goes on over midnight is of the day that it began on."""
+        """Whether the rule applies at a time. Periods over midnight belong to the day on which they begin."""
         now, day = local.time().replace(tzinfo=None), local.weekday()
         if self.between is not None:
             begin, end = self.between
@@ -104,7 +104,7 @@ class ClassRule(Rule):
 
 
 class AppearsRule(ClassRule):
-    """A class comes into view; what was there when somebody began to look did not come."""
+    """A class comes into view; objects in view when the monitor or camera started do not count."""
 
     when: Literal["appears"]
 
@@ -116,39 +116,39 @@ class DisappearsRule(ClassRule):
 
 
 class OverRule(ClassRule):
-    """More than so many are in view."""
+    """More objects than `count` are in view."""
 
     when: Literal["over"]
     count: NonNegativeInt
 
 
 class UnderRule(ClassRule):
-    """Fewer than so many are in view."""
+    """Fewer objects than `count` are in view."""
 
     when: Literal["under"]
     count: Annotated[int, Field(ge=1)]
 
 
 class NearerRule(ClassRule):
-    """One is nearer than so many metres."""
+    """An object is nearer than `than_m` metres."""
 
     when: Literal["nearer"]
     than_m: Annotated[float, Field(gt=0, le=1_000)]
 
 
 class SilentRule(Rule):
-    """A robot's gateway is gone or, with `cameras`, one of these cameras says nothing more."""
+    """A robot's gateway is gone or, with `cameras`, one of these cameras sends no class lists."""
 
     when: Literal["silent"]
 
     @property
     def of_cameras(self) -> bool:
-        """Whether it is about cameras."""
+        """Whether the rule covers cameras."""
         return "cameras" in self.model_fields_set
 
 
 class DisagreeRule(Rule):
-    """Two models that look at the same camera count differently; of one class if that is given."""
+    """Two models on the same camera count differently; of one class if that is given."""
 
     when: Literal["disagree"]
     of: Annotated[str, Field(alias="class", max_length=MAX_LABEL)] = ""
@@ -161,14 +161,14 @@ AnyRule = Annotated[
 
 
 class Webhook(_Part):
-    """Where alerts are posted to as JSON. secret: what they are signed with (HMAC-SHA256)."""
+    """A URL to which alerts are posted as JSON. secret: their signing key (HMAC-SHA256)."""
 
     url: HttpUrl
     secret: Annotated[str, Field(min_length=8, max_length=512)]
 
 
 class RuleBook(_Part):
-    """A whole rule file. timezone: of the times of day, such as Europe/Berlin; this machine's unless given."""
+    """A whole rule file. timezone: zone of the times of day, such as Europe/Berlin; default: this machine's."""
 
     rules: Annotated[tuple[AnyRule, ...], Field(max_length=MAX_RULES)] = ()
     webhooks: Annotated[dict[str, Webhook], Field(max_length=100)] = {}
@@ -191,7 +191,7 @@ class RuleBook(_Part):
             for field, names_given in (("webhooks", rule.webhooks), ("escalate_webhooks", rule.escalate_webhooks)):
                 unknown = next((each for each in names_given if each not in self.webhooks), None)
                 if unknown is not None:
-                    reason = f"rule {rule.name!r} names a webhook {unknown!r} that is not there"
+                    reason = f"rule {rule.name!r} names an unknown webhook {unknown!r}; add it to `webhooks`"
                     raise _mistake(place, field, reason)
         return self
 
@@ -209,7 +209,7 @@ def is_about(rule: AnyRule, robot: str, camera: str, name: str) -> bool:
 
 
 def opening_ns(rule: AnyRule, now_ns: int) -> int:
-    """Return the next moment, epoch nanoseconds, at which a rule that does not apply now may begin to.
+    """Return the next moment, epoch nanoseconds, at which a rule that does not apply now may start to.
 
     Clocks are turned, and differ from UTC by, whole quarters of an hour.
     """
@@ -219,13 +219,13 @@ def opening_ns(rule: AnyRule, now_ns: int) -> int:
 
 
 def same_rule(rule: AnyRule, other: AnyRule | None) -> bool:
-    """Whether a rule means what another one does; of `silent` it counts, too, whether `cameras` is given."""
+    """Whether two rules have the same meaning; for `silent`, `cameras` must be given in both or neither."""
     given = other is not None and "cameras" in other.model_fields_set
     return rule == other and ("cameras" in rule.model_fields_set) == given
 
 
 def _mistake(rule: int, field: str, reason: str) -> PydanticCustomError:
-    """Return an error of the whole file whose context says which rule's field is wrong."""
+    """Return an error of the whole file whose context names the rule's field."""
     return PydanticCustomError("across_rules", "{reason}", {"reason": reason, "place": ("rules", rule, field)})
 
 

@@ -22,7 +22,7 @@ from services.monitor.rules.timeline import FOREVER_NS, Timeline
 
 
 async def run(settings: RulesSettings) -> None:
-    """Print what the rules would have made of history.
+    """Print the alerts that the rules would have raised over the history.
 
     Raises:
         HistoryError: the database cannot be read.
@@ -49,7 +49,7 @@ async def run(settings: RulesSettings) -> None:
 
 
 async def _past(store: Store, since_ns: int) -> Timeline:
-    runs, there = presence.c.robot == "", presence.c.robot != ""  # however many others there are, all of the runs
+    runs, there = presence.c.robot == "", presence.c.robot != ""  # separately, so that no run is cut off by the limit
     return Timeline(
         await store.select(Interval, since_ns=since_ns),
         [
@@ -61,11 +61,11 @@ async def _past(store: Store, since_ns: int) -> Timeline:
 
 
 def _untold(book: RuleBook, past: Timeline, since_ns: int) -> Iterator[str]:
-    """Say for what part of history nobody kept who was there."""
+    """Yield a note about the part of the history that has no recorded presence."""
     tried = any(isinstance(rule, SilentRule | DisagreeRule) for rule in book.rules)
     if tried and max(since_ns, past.first_ns) < past.told_ns:
         when = "not tried:" if past.told_ns == FOREVER_NS else f"tried from {_moment(past.told_ns)} on: before,"
-        yield f"silent, disagree: {when} who was there and what models disagreed about was not kept"
+        yield f"silent, disagree: {when} the history has no presence or disagreements"
 
 
 def _moment(at_ns: int) -> str:

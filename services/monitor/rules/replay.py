@@ -1,4 +1,4 @@
-"""Rules tried against history: which alerts they would have raised. Pure."""
+"""Replays rules over the history: which alerts they would have raised. Pure."""
 
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,7 +19,7 @@ from services.monitor.rules.model import NearerRule, RuleBook
 from services.monitor.rules.subjects import Effect
 from services.monitor.rules.timeline import Run, Step, Timeline
 
-AT_MOST: Final = "is tried with the nearest distance of each interval, so it may have been raised less often"
+AT_MOST: Final = "is tried with the nearest distance of each interval, so the monitor may have raised it less often"
 
 
 @dataclass(slots=True)
@@ -30,7 +30,7 @@ class _Robot:
 
 @dataclass(slots=True)
 class _Camera:
-    """speaks: None while it is not known that it ever did."""
+    """speaks: None while it is unknown whether it ever was live."""
 
     counts: dict[str, int] = field(default_factory=dict)
     nearest: dict[str, float] = field(default_factory=dict)
@@ -44,7 +44,7 @@ class _Camera:
 
 
 class _Memory:
-    """What a monitor knew of the fleet; last_ns is when anything was heard of a member."""
+    """A monitor's knowledge of the fleet; last_ns: a member's newest message."""
 
     def __init__(self) -> None:
         self.robots: dict[str, _Robot] = {}
@@ -62,7 +62,7 @@ class _Memory:
                 _dispute(self._camera(of.key, step.at_ns), of, begins=step.begins)
 
     def forget(self, before_ns: int) -> None:
-        """Forget who was gone before, as a monitor that begins does."""
+        """Forget robots and cameras that were gone before, as a starting monitor does."""
         robots, cameras = self.robots.items(), self.cameras.items()
         self.robots = {name: of for name, of in robots if of.there or of.last_ns >= before_ns}
         self.cameras = {key: of for key, of in cameras if of.goes_on or of.last_ns >= before_ns}
@@ -74,12 +74,12 @@ class _Memory:
 
 
 def caveats(book: RuleBook) -> list[str]:
-    """Return what a replay of these rules cannot tell."""
+    """Return the limits of a replay of these rules."""
     return [f"{rule.name}: {AT_MOST}" for rule in book.rules if isinstance(rule, NearerRule)]
 
 
 def replay(book: RuleBook, past: Timeline) -> Iterator[Effect]:
-    """Yield what the rules would have made of the past, in order; while no monitor ran, nothing is made of anything."""
+    """Yield the alerts' changes over the history, in order; nothing changes while no monitor ran."""
     numbers = count(1)
     memory, steps = _Memory(), deque(past.steps())
     alerts: list[Alert] = []
@@ -131,7 +131,7 @@ def _until(engine: RuleEngine, now_ns: int, at_ns: int) -> Iterator[Effect]:
 
 
 def _look(engine: RuleEngine, steps: Iterable[Step], memory: _Memory, at_ns: int, *, told: bool) -> None:
-    """Look at whom the steps are about. told: it is known who was there."""
+    """Evaluate the subjects of the steps. told: presence is known."""
     for key in {key for step in steps for key in _cameras(step, memory)}:
         of = memory.cameras[key]
         speaks = of.speaks is not False or not told
@@ -172,14 +172,14 @@ def _see(camera: _Camera, interval: Interval, *, begins: bool) -> None:
 
 
 def _dispute(camera: _Camera, of: Disagreement, *, begins: bool) -> None:
-    camera.counts.setdefault(of.name, of.count)  # what it was in view for may be too long ago to be read
+    camera.counts.setdefault(of.name, of.count)  # its beginning may be outside the period read
     camera.disagreements.pop(of.name, None)
     if begins:
         camera.disagreements[of.name] = (of.count, of.other_count)
 
 
 def _changes(steps: Iterable[Step], memory: _Memory) -> Iterator[Change]:
-    """Yield what came and went: an interval that begins where one of the same class ends is another count of it."""
+    """Yield appearances and disappearances: an interval that follows one of the same class only changes the count."""
     some = [(step, step.of) for step in steps if isinstance(step.of, Interval) and (step.begins or not step.unseen)]
     ended = {of.place for step, of in some if not step.begins}
     began = {of.place for step, of in some if step.begins}

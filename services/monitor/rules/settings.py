@@ -10,14 +10,14 @@ from services.monitor.settings import RegularFile
 
 
 class RulesSettings(BaseModel):
-    """Try a rule file against what a monitor kept: print each alert that it would have raised.
+    """Test a rule file on a monitor's history: print each alert that it would have raised.
 
     A mistake in the file is shown with its line.
     """
 
     task: Annotated[Literal["test"], Field(description="what to do")]
     file: Annotated[RegularFile, Field(description="the rule file")]
-    history: Annotated[HistoryUrl, Field(description="database that the monitor keeps")] = Field(
+    history: Annotated[HistoryUrl, Field(description="history database of the monitor")] = Field(
         default_factory=default_url
     )
-    since: Annotated[Moment | None, Field(description="leave out what ended before (2026-11-20T06:00)")] = None
+    since: Annotated[Moment | None, Field(description="skip what ended before this time (2026-11-20T06:00)")] = None

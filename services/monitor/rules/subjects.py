@@ -1,4 +1,4 @@
-"""Alerts of rules: what each rule is about in one place, and what changed of it. Pure."""
+"""Subjects of rules: one rule at one place each, with its condition and alert. Pure."""
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -10,12 +10,12 @@ from services.monitor.rules.model import AnyRule
 
 
 class UnknownAlertError(Exception):
-    """No such alert, or it is resolved already."""
+    """The alert does not exist, or is resolved already."""
 
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """An alert changed. rule: the one that raised it; None if it is gone. raised: it is new, so act.
+    """A changed alert. rule: the one that raised it; None if it was removed. raised: it is new, so send the action.
 
     escalated: it escalates, or had escalated before.
     """
@@ -28,7 +28,7 @@ class Effect:
 
 @dataclass(slots=True, eq=False)
 class Subject:
-    """What one rule is about in one place. known: it is known whether it holds, or held at least when it was last."""
+    """One rule at one place. known: whether the condition holds is known, at least as of its last observation."""
 
     holds: bool = False
     known: bool = True

@@ -1,4 +1,4 @@
-"""The history of a period as events in the order in which they happened, for rules that are tried against it. Pure."""
+"""The history of a period as events in order, for replaying rules. Pure."""
 
 from bisect import bisect_left, bisect_right
 from collections import defaultdict
@@ -15,11 +15,11 @@ from services.monitor.history.presence import MONITOR, Presence
 from services.monitor.inventory.inventory import TrustLimits
 
 LIMITS: Final = TrustLimits()
-"""Those of the monitor are not kept; it is taken to have had the usual ones."""
+"""The monitor's limits are not in the history; the defaults are assumed."""
 
 
 class SpeakingTime:
-    """When one camera was spoken for."""
+    """A period in which one camera was live."""
 
     def __init__(self, presences: Iterable[Presence]) -> None:
         self._presences = sorted(presences, key=lambda each: each.since_ns)
@@ -46,7 +46,7 @@ NEVER: Final = SpeakingTime(())
 
 
 def spoken_for(presences: Iterable[Presence]) -> Mapping[CameraKey, SpeakingTime]:
-    """Return when each camera was spoken for."""
+    """Return the periods in which each camera was live."""
     of_each = defaultdict[CameraKey, list[Presence]](list)
     for each in presences:
         if each.camera:
@@ -59,7 +59,7 @@ FOREVER_NS: Final = 2**63 - 1
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Something begins or ends. unseen: nobody saw it do so, as nobody spoke for the camera before, or since.
+    """The beginning or end of a period. unseen: it was not observed, as the camera was not live before, or since.
 
     of: None where a monitor knows who is there, and looks at everybody.
     """
@@ -72,7 +72,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """While one monitor raised alerts. told: it kept who was there, too."""
+    """A period in which one monitor raised alerts. told: it also recorded presence."""
 
     since_ns: int
     until_ns: int
@@ -81,7 +81,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """What was in view, who was there and what models disagreed about."""
+    """Sightings, presence and disagreements of a period."""
 
     intervals: Sequence[Interval] = ()
     presences: Sequence[Presence] = ()
@@ -89,22 +89,22 @@ class Timeline:
 
     @property
     def first_ns(self) -> int:
-        """Until when something was in view first; FOREVER_NS if nothing ever was."""
+        """The earliest end of an interval in view; FOREVER_NS if there is none."""
         return min((interval.until_ns for interval in self.intervals), default=FOREVER_NS)
 
     @property
     def last_ns(self) -> int:
-        """When anything was so last; 0 if nothing ever was."""
+        """The time of the last entry; 0 if there is none."""
         everything = chain(self.intervals, self.presences, self.disagreements)
         return max((each.until_ns for each in everything), default=0)
 
     @property
     def told_ns(self) -> int:
-        """Since when it is kept who was there; FOREVER_NS if it never was."""
+        """The start of recorded presence; FOREVER_NS if there is none."""
         return min((each.since_ns for each in self.presences if each.place == MONITOR), default=FOREVER_NS)
 
     def runs(self) -> Iterator[Run]:
-        """Yield when a monitor raised alerts; until the first that is kept one did, for all that is known."""
+        """Yield the periods in which a monitor raised alerts; one is assumed before the first that is recorded."""
         yield Run(0, self.told_ns, told=False)
         runs = sorted((each for each in self.presences if each.place == MONITOR), key=lambda each: each.since_ns)
         next_ones_ns = [*(each.since_ns for each in runs), FOREVER_NS][1:]
@@ -112,7 +112,7 @@ class Timeline:
             yield Run(each.since_ns, next_ns if each.open else min(each.until_ns, next_ns), told=True)
 
     def steps(self) -> list[Step]:
-        """Return everything but the monitors' own runs, in order; what ends at a moment before what begins then."""
+        """Return all events except the monitors' own, in order; ends come before beginnings of the same moment."""
         return sorted(chain(self._seen(), self._known()), key=lambda step: (step.at_ns, step.begins))
 
     def _seen(self) -> Iterator[Step]:
@@ -133,7 +133,7 @@ class Timeline:
                     yield Step(lost_ns or each.until_ns, each, unseen=lost_ns is not None)
 
     def _known(self) -> Iterator[Step]:
-        """Yield who came and went, and what models disagreed about when."""
+        """Yield the changes of presence, and of disagreements."""
         for each in chain(self.presences, self.disagreements):
             if each.place == MONITOR:
                 continue

@@ -1,4 +1,4 @@
-"""What in a rule is called as nobody and nothing is: misspelt, or not there yet. Pure."""
+"""Unknown names in rules: classes, placeholders and robots that are misspelt, or not present yet. Pure."""
 
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -9,11 +9,11 @@ from typing import Final
 from services.monitor.rules.model import PLACEHOLDERS, AnyRule, DisagreeRule, RuleBook, SilentRule
 
 Classes = Sequence[Collection[str]]
-"""The classes that each of some workers reports; none of one that does not say."""
+"""The classes that each worker reports; empty for one that does not declare them."""
 
 WILDCARDS: Final = frozenset("*?[")
 NAMED: Final = re.compile(r"\{\s*[^\W\d]\w*\s*\}")
-"""Something like a placeholder; what is in JSON's braces is in quotes, or nothing."""
+"""Matches a possible placeholder; names in JSON's braces are quoted, so that they do not match."""
 
 MAX_SHOWN: Final = 64
 
@@ -21,7 +21,7 @@ MAX_SHOWN: Final = 64
 def remarks(
     book: RuleBook, detectors: Classes, opinions: Classes, seen: Callable[[str], bool], robots: AbstractSet[str]
 ) -> Iterator[str]:
-    """Yield a line for each class, each placeholder of a payload and each pattern of robots that fits nothing.
+    """Yield a line for each unknown class, placeholder of a payload and pattern of robots.
 
     detectors, opinions: the workers that are there. seen: whether a class was ever in view. robots: those ever heard
     of. Of classes it says nothing while no detector is there or one does not say what it reports.
@@ -33,8 +33,8 @@ def remarks(
         if not known and not seen(name):
             yield f"rule {rule.name!r}: no detector reports {name!r}"
         for placeholder in _not_filled_in(rule):
-            filled_in = "{}, {} and {} are filled in".format(*PLACEHOLDERS)
-            yield f"rule {rule.name!r}: {placeholder!r} stays in its payload as it is: {filled_in}"
+            filled_in = "only {}, {} and {} are filled in".format(*PLACEHOLDERS)
+            yield f"rule {rule.name!r}: {placeholder!r} in its payload is unknown and sent as it is: {filled_in}"
         for pattern in rule.robots if robots else ():
             if not _fits_any(pattern, robots):
                 yield f"rule {rule.name!r}: no robot is called {pattern!r}"

@@ -1,18 +1,18 @@
-"""What holds and is not yet to be told, by when it may be. Pure."""
+"""Conditions that hold and wait for their alert to be due. Pure."""
 
 from collections.abc import Collection
 from heapq import heapify, heappop, heappush
 from typing import Final
 
 Place = tuple[str, str, str]
-"""Robot, camera and class that an alert is about; the latter two may be empty."""
+"""Robot, camera and class of an alert; the latter two may be empty."""
 
 SLACK: Final = 64
-"""Entries of what waits no more that are put up with, beside as many as there are others."""
+"""Stale heap entries tolerated, in addition to one per waiting entry."""
 
 
 class PendingPlaces:
-    """Places by rule, each until it is discarded; what one costs hardly depends on how many there are.
+    """Places by rule, each until it is discarded; the cost per place hardly grows with their number.
 
     Places whose time has come are `ripe`: a rule that does not apply at this time of the day takes them later.
     """
@@ -23,14 +23,14 @@ class PendingPlaces:
         self._queue: list[tuple[int, str, Place]] = []
 
     def add(self, rule: str, place: Place, due_ns: int) -> None:
-        """Have a place wait until a moment, epoch nanoseconds."""
+        """Add a place that is due at a moment, epoch nanoseconds."""
         self._due[rule, place] = due_ns
         heappush(self._queue, (due_ns, rule, place))
         if len(self._queue) > 2 * len(self._due) + SLACK:
             self._rebuild()
 
     def discard(self, rule: str, place: Place) -> None:
-        """Forget a place, if it waits."""
+        """Remove a place, if it waits."""
         self._due.pop((rule, place), None)
         if rule in self.ripe:
             self.ripe[rule].pop(place, None)
@@ -38,18 +38,18 @@ class PendingPlaces:
                 del self.ripe[rule]
 
     def keep(self, rules: Collection[str]) -> None:
-        """Forget the places of all other rules."""
+        """Remove the places of all other rules."""
         self._due = {key: due_ns for key, due_ns in self._due.items() if key[0] in rules}
         self.ripe = {rule: places for rule, places in self.ripe.items() if rule in rules}
         self._rebuild()
 
     def set_back(self, by_ns: int) -> None:
-        """Have everything be due so much earlier."""
+        """Make all due earlier by a duration."""
         self._due = {key: due_ns - by_ns for key, due_ns in self._due.items()}
         self._rebuild()
 
     def ripen(self, now_ns: int) -> None:
-        """Let time pass."""
+        """Advance time."""
         while self._queue and self._queue[0][0] <= now_ns:
             due_ns, rule, place = heappop(self._queue)
             if self._due.get((rule, place)) == due_ns:
@@ -57,7 +57,7 @@ class PendingPlaces:
                 self.ripe.setdefault(rule, {})[place] = None
 
     def next_ns(self) -> int | None:
-        """Return when the next place is ripe, None if none waits for that."""
+        """Return when the next place is due; None if none waits."""
         while self._queue and self._due.get(self._queue[0][1:]) != self._queue[0][0]:
             heappop(self._queue)
         return self._queue[0][0] if self._queue else None

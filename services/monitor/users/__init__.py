@@ -1,1 +1,1 @@
-"""`fleetsight users`: who may log in to a monitor, changed beside it, while it runs or not."""
+"""`fleetsight users`: manages a monitor's users, whether it runs or not."""

@@ -21,11 +21,11 @@ DAY_NS: Final = 86_400 * 1_000_000_000
 
 
 class UsersError(Exception):
-    """What is asked for cannot be done; the message says why."""
+    """The task failed; the message says why."""
 
 
 async def run(settings: UsersSettings) -> None:
-    """Do it, and say in which database, and what was done.
+    """Run the task; print the database and the result.
 
     Raises:
         UsersError: it cannot be done.
@@ -88,17 +88,17 @@ async def _hashed() -> str:
 
 @contextmanager
 def _terminal_left_as_it_is() -> Iterator[None]:
-    """Have it show again what is typed, also where a signal ends the process and the thread that asks is given up."""
+    """Restore the terminal's echo, also if a signal ends the process and the asking thread is abandoned."""
     try:
         before = termios.tcgetattr(sys.stdin)
-    except (termios.error, OSError):  # it is none
+    except (termios.error, OSError):  # standard input is no terminal
         yield
         return
     try:
         yield
     finally:
-        with suppress(termios.error):  # it is gone
-            termios.tcsetattr(sys.stdin, termios.TCSAFLUSH, before)  # half a password is not for the shell
+        with suppress(termios.error):  # the terminal is gone
+            termios.tcsetattr(sys.stdin, termios.TCSAFLUSH, before)  # drops a half-typed password
 
 
 def read_password(ask: Callable[[str], str]) -> str:

@@ -1,4 +1,4 @@
-"""Errors as they are answered: one JSON object with one line, whatever went wrong."""
+"""Error responses: one JSON object with one line, whatever the error."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -16,12 +16,12 @@ RETRY_S: Final = 2
 
 
 def problem(status: int, reason: str, headers: Mapping[str, str] | None = None) -> JSONResponse:
-    """Return an error."""
+    """Return an error response."""
     return JSONResponse({"error": reason}, status, headers=headers)
 
 
 def answer_errors(app: FastAPI) -> None:
-    """Have an application answer its errors so, and those of a WebSocket that is not accepted yet."""
+    """Register these error responses with an application, also for WebSockets that are not accepted yet."""
     app.add_exception_handler(HTTPException, _http)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(WebSocketRequestValidationError, _invalid)

@@ -31,18 +31,18 @@ METHODS: Final = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE")
 
 
 class OtherMethods(BaseRoute):
-    """Is to come after some routes, and before those that take every path."""
+    """Answers 405; it comes after some routes, and before those that match every path."""
 
     def __init__(self, routes: Sequence[BaseRoute]) -> None:
         self._routes = tuple(routes)
 
     def matches(self, scope: Scope) -> tuple[Match, Scope]:
-        """Match a path that one of the routes answers to some other method."""
+        """Match a path that one of the routes serves with another method."""
         is_there = any(route.matches(scope)[0] is Match.PARTIAL for route in self._routes)
         return (Match.FULL if is_there else Match.NONE), {}
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer; the server leaves out the body of what answers HEAD, which it knows by a scope of its own.
+        """Respond 405; for HEAD the server leaves out the body, which it recognizes by a scope of its own.
 
         Raises:
             HTTPException: the method is none of those that there are.
@@ -64,27 +64,27 @@ def _as(method: str) -> str:
 
 
 class Token(SecurityBase):
-    """Is in the description of every call that depends on it."""
+    """Documents the token in the description of every call that depends on it."""
 
     def __init__(self) -> None:
-        self.model = HTTPBearer(description="What `fleetsight users token NAME` prints.")
+        self.model = HTTPBearer(description="Output of `fleetsight users token NAME`.")
         self.scheme_name = "token"
 
     async def __call__(self) -> None:
-        """Look at nothing: `AccessMiddleware` has seen who asks."""
+        """Check nothing: `AccessMiddleware` has checked the request."""
 
 
 ERRORS: Final[dict[int | str, dict[str, Any]]] = {"4XX": {"model": ErrorAnswer}, "5XX": {"model": ErrorAnswer}}
 
 HERE: Final = frozenset({"localhost", "127.0.0.1", "::1", "[::1]"})
 
-ABOUT: Final = """What the fleet sees. Log in with a token, `Authorization: Bearer ...`; `fleetsight users token NAME`
+ABOUT: Final = """Objects in view. Log in with a token, `Authorization: Bearer ...`; `fleetsight users token NAME`
 makes one. Operators may do everything, viewers only read. Errors are `{"error": "one line"}`. The same
 data as it changes: WebSocket `/api/v1/live`."""
 
 
 def make_application(monitor: Monitor, access: Access) -> FastAPI:
-    """Return the application; `guarded` is to be before it."""
+    """Return the application; put `guarded` in front of it."""
     app = FastAPI(
         title="fleetsight",
         version=VERSION,
@@ -113,12 +113,12 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
 
 
 def guarded(app: FastAPI, access: Access, settings: WebSettings) -> AccessMiddleware:
-    """Return what lets through to an application who may."""
+    """Return the application behind its access checks."""
     return AccessMiddleware(app, access, cookie=cookie_of(settings), place=place_of(settings))
 
 
 def place_of(settings: WebSettings) -> ServedAt:
-    """Return where we are served; on loopback under the names alone that this machine has for itself."""
+    """Return where we are served; on loopback only under this machine's own names."""
     url = settings.web_url
     hosts = HERE if settings.web_host in HERE else frozenset()
     return ServedAt(
@@ -129,17 +129,17 @@ def place_of(settings: WebSettings) -> ServedAt:
 
 
 def is_secure(settings: WebSettings) -> bool:
-    """Whether browsers reach us over HTTPS alone."""
+    """Whether browsers reach us over HTTPS only."""
     return settings.web_url is not None and settings.web_url.scheme == "https"
 
 
 def cookie_of(settings: WebSettings) -> str:
-    """Return the name of our cookie: browsers send it to every port of a host, and there may be another monitor."""
+    """Return the name of our cookie, which is unique by port: browsers send it to every port of a host."""
     return "__Host-fleetsight" if is_secure(settings) else f"fleetsight-{settings.web_port}"
 
 
 def origin_of(url: HttpUrl) -> str:
-    """Return an address as browsers name it as the origin of a request."""
+    """Return the origin of an address, as browsers send it."""
     host, usual = url.host or "", {"http": 80, "https": 443}[url.scheme]
     return f"{url.scheme}://{host}" if url.port in (None, usual) else f"{url.scheme}://{host}:{url.port}"
 

@@ -1,5 +1,5 @@
-"""WebError: the one error of the web server."""
+"""WebError, the only error of the web server."""
 
 
 class WebError(Exception):
-    """The web server cannot begin; the message names the cause."""
+    """The web server cannot start; the message names the cause."""

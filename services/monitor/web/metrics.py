@@ -1,4 +1,4 @@
-"""Prometheus metrics: read off the monitor when somebody asks, so that they cost nothing while nobody does."""
+"""Prometheus metrics, computed on request, so that they cost nothing otherwise."""
 
 import asyncio
 from collections import Counter
@@ -28,21 +28,21 @@ CONTENT_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
 
 
 async def metrics_of(monitor: Monitor) -> bytes:
-    """Return everything in Prometheus's text format."""
+    """Return all metrics in Prometheus's text format."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Seen(monitor, await monitor.snapshot()))
     return await asyncio.to_thread(generate_latest, registry)
 
 
 class _Seen(Collector):
-    """The metrics of one moment; what changes while they are written is taken beforehand."""
+    """The metrics of one moment, collected before they are written, as values change meanwhile."""
 
     def __init__(self, monitor: Monitor, snapshot: Snapshot) -> None:
         self._monitor = list(_of_monitor(monitor, snapshot))
         self._snapshot = snapshot
 
     def collect(self) -> Iterator[Metric]:
-        """Yield them."""
+        """Yield the metrics."""
         yield from self._monitor
         yield from _of_robots(self._snapshot.robots[:MAX_LABELLED])
         yield from _of_cameras(self._snapshot.cameras[:MAX_LABELLED])
@@ -55,15 +55,17 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     yield GaugeMetricFamily("fleetsight_robots_online", "Robots online.", sum(each.online for each in snapshot.robots))
     yield GaugeMetricFamily("fleetsight_cameras", "Cameras of these robots.", len(snapshot.cameras))
     yield GaugeMetricFamily(
-        "fleetsight_unlabelled", "Robots, cameras and workers without series of their own.", _over(snapshot)
+        "fleetsight_unlabelled", "Robots, cameras and workers over the limit, without series.", _over(snapshot)
     )
     yield GaugeMetricFamily("fleetsight_mesh_up", "1 while the monitor can hear the fleet.", not monitor.health.problem)
-    yield GaugeMetricFamily("fleetsight_links", "Links of gateways, workers and others to it.", monitor.bus.links.count)
-    yield GaugeMetricFamily("fleetsight_links_limit", "How many of them it can have.", monitor.bus.links.limit)
+    yield GaugeMetricFamily("fleetsight_links", "Zenoh links to the monitor.", monitor.bus.links.count)
+    yield GaugeMetricFamily("fleetsight_links_limit", "Maximum number of Zenoh links.", monitor.bus.links.limit)
     yield GaugeMetricFamily("fleetsight_history_kept", "1 while the history is kept.", not history.problem)
-    yield GaugeMetricFamily("fleetsight_history_pending", "Rows that wait for the database.", history.pending)
-    yield CounterMetricFamily("fleetsight_class_lists", "Class lists taken in, each once.", monitor.fleet.class_lists)
-    yield CounterMetricFamily("fleetsight_history_lost", "Intervals given up.", history.lost)
+    yield GaugeMetricFamily("fleetsight_history_pending", "History rows waiting for the database.", history.pending)
+    yield CounterMetricFamily(
+        "fleetsight_class_lists", "Class lists received, without duplicates.", monitor.fleet.class_lists
+    )
+    yield CounterMetricFamily("fleetsight_history_lost", "History intervals dropped.", history.lost)
     yield GaugeMetricFamily("fleetsight_leads", "1 while this monitor raises the alerts.", history.leads)
     yield GaugeMetricFamily("fleetsight_rules", "Rules in force.", len(monitor.rules.book.rules))
     yield GaugeMetricFamily("fleetsight_rules_ok", "1 while the rule file is in force.", not monitor.rules.problem)
@@ -87,9 +89,11 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
 
 
 def _of_robots(robots: tuple[RobotLine, ...]) -> Iterator[Metric]:
-    online = GaugeMetricFamily("fleetsight_robot_online", "1 while its gateway is there.", labels=["robot"])
+    online = GaugeMetricFamily("fleetsight_robot_online", "1 while the robot's gateway is online.", labels=["robot"])
     info = GaugeMetricFamily("fleetsight_gateway_info", "1, and the gateway's version.", labels=["robot", "version"])
-    last = GaugeMetricFamily("fleetsight_robot_last_seen_seconds", "Epoch; 0 for never.", labels=["robot"])
+    last = GaugeMetricFamily(
+        "fleetsight_robot_last_seen_seconds", "Time of the robot's last message, epoch; 0 for never.", labels=["robot"]
+    )
     dropped = CounterMetricFamily(
         "fleetsight_robot_frames_dropped", "Frames dropped, by place and reason.", labels=["robot", "reason"]
     )
@@ -105,9 +109,9 @@ def _of_robots(robots: tuple[RobotLine, ...]) -> Iterator[Metric]:
 
 def _of_cameras(cameras: tuple[CameraLine, ...]) -> Iterator[Metric]:
     names = ["robot", "camera"]
-    online = GaugeMetricFamily("fleetsight_camera_online", "1 while it is there.", labels=names)
-    rate = GaugeMetricFamily("fleetsight_camera_class_lists_hz", "Class lists a second.", labels=names)
-    age = GaugeMetricFamily("fleetsight_camera_age_seconds", "Age of what it shows.", labels=names)
+    online = GaugeMetricFamily("fleetsight_camera_online", "1 while the camera is online.", labels=names)
+    rate = GaugeMetricFamily("fleetsight_camera_class_lists_hz", "Class lists per second.", labels=names)
+    age = GaugeMetricFamily("fleetsight_camera_age_seconds", "Age of the newest frame.", labels=names)
     for camera in cameras:
         labels = [camera.key.robot, camera.key.camera]
         online.add_metric(labels, camera.row.online)
@@ -119,10 +123,10 @@ def _of_cameras(cameras: tuple[CameraLine, ...]) -> Iterator[Metric]:
 
 def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:
     names = ["service", "worker"]
-    online = GaugeMetricFamily("fleetsight_worker_online", "1 while it says something.", labels=names)
-    info = GaugeMetricFamily("fleetsight_worker_info", "1, and its version.", labels=[*names, "version"])
-    serves = GaugeMetricFamily("fleetsight_worker_cameras", "Cameras that it looks after.", labels=names)
-    inferred = CounterMetricFamily("fleetsight_worker_frames_inferred", "Frames looked at.", labels=names)
+    online = GaugeMetricFamily("fleetsight_worker_online", "1 while the worker reports.", labels=names)
+    info = GaugeMetricFamily("fleetsight_worker_info", "1, and the worker's version.", labels=[*names, "version"])
+    serves = GaugeMetricFamily("fleetsight_worker_cameras", "Cameras that the worker serves.", labels=names)
+    inferred = CounterMetricFamily("fleetsight_worker_frames_inferred", "Frames processed.", labels=names)
     dropped = CounterMetricFamily(
         "fleetsight_worker_frames_dropped", "Frames dropped, by reason.", labels=[*names, "reason"]
     )
@@ -150,7 +154,7 @@ def watching_routes(monitor: Monitor, access: Access) -> APIRouter:
 
     @router.get(HEALTH)
     async def health(request: Request) -> Response:
-        """503 while the fleet cannot be heard; strangers hear what is wrong, not where."""
+        """503 while the fleet cannot be heard; only logged-in users get the reason."""
         dead, not_kept = monitor.health.problem, monitor.history.status.problem
         degraded = {
             "the history is not being kept": not_kept,

@@ -1,4 +1,4 @@
-"""The web server as a part of a monitor's process."""
+"""The web server as part of a monitor's process."""
 
 import asyncio
 import errno
@@ -19,11 +19,11 @@ from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.errors import WebError
 
 _OF_PORTS: Final = (errno.EADDRINUSE, errno.EACCES)
-"""What another port may mend."""
+"""Errors that another port may solve."""
 
 
 def open_listener(settings: WebSettings) -> socket.socket:
-    """Listen where the settings say.
+    """Return a listening socket for the settings.
 
     Raises:
         WebError: the address or port cannot be had.
@@ -40,13 +40,13 @@ def open_listener(settings: WebSettings) -> socket.socket:
         of_names = error.strerror if isinstance(error, socket.gaierror) else str(error)
         reason = os.strerror(number) if number is not None and number > 0 else of_names
         wrong = "--web-port" if number in _OF_PORTS else "--web-host"
-        raise WebError(f"{where}: {reason}; another {wrong}, or --no-web, lets it start") from error
+        raise WebError(f"{where}: {reason}; set another {wrong}, or --no-web") from error
     listener.setblocking(False)  # noqa: FBT003 - the standard library's
     return listener
 
 
 def url_of(listener: socket.socket, settings: WebSettings) -> str:
-    """Return the address to write into a browser's bar, without a slash at its end."""
+    """Return the address for a browser, without a trailing slash."""
     if settings.web_url is not None:
         return str(settings.web_url).rstrip("/")
     host, port = listener.getsockname()[:2]
@@ -60,7 +60,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Web:
-    """A web server that has its port and is not serving yet. url: where the page is."""
+    """A web server whose port is open, but which is not serving yet. url: of the page."""
 
     url: str
     listener: socket.socket
@@ -68,18 +68,16 @@ class Web:
 
     @classmethod
     def of(cls, settings: MonitorSettings) -> Self:
-        """Take the port; raises WebError."""
+        """Open the port; raises WebError."""
         listener = open_listener(settings)
         url = url_of(listener, settings)
         if not (url.startswith("https:") or ipaddress.ip_address(listener.getsockname()[0]).is_loopback):
-            log.warning(
-                "passwords cross the network unencrypted: have a proxy with TLS before it, and name it: --web-url"
-            )
+            log.warning("passwords cross the network unencrypted: put a TLS proxy in front and set --web-url")
         return cls(url, listener, Access(UserStore(users_url(settings.history)), settings.web_session_hours, url))
 
     async def run(self, monitor: Monitor) -> None:
-        """Serve for ever."""
-        await aside(partial(import_module, "services.monitor.web.server"))  # a second's work
+        """Serve until cancelled."""
+        await aside(partial(import_module, "services.monitor.web.server"))  # the import takes a second
         from services.monitor.web.server import serve  # noqa: PLC0415 - 60 MB, for who serves alone
 
         async with asyncio.TaskGroup() as group:
@@ -87,6 +85,6 @@ class Web:
             await serve(monitor, self.listener, self.access)
 
     def notes(self) -> list[str]:
-        """Say what whoever looks at the terminal should know."""
+        """Return notes for the terminal."""
         invitation, problem = self.access.invitation, self.access.problem
         return [f"first user: {invitation}"] * bool(invitation) + [problem] * bool(problem)

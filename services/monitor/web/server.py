@@ -1,4 +1,4 @@
-"""Serve page and API from the monitor's own event loop."""
+"""Serves page and API on the monitor's own event loop."""
 
 import asyncio
 import contextlib
@@ -21,16 +21,16 @@ from services.monitor.web.application import guarded, make_application
 from services.monitor.web.auth.logins import Access
 
 HEAD_S: Final = 10.0
-"""How long a request's head may take to arrive, counted from the connection's beginning for the first one."""
+"""Seconds allowed for a request's head, counted from the connection's start for the first one."""
 
 MAX_HEAD_BYTES: Final = 64 * 1024
 
 TURNED_AWAY: Final = 50
-"""Connections over the limit that are told so, with a 503; those over that are just closed."""
+"""Connections over the limit that get a 503; further ones are closed."""
 
 
 class BoundedProtocol(HttpToolsProtocol):
-    """Closes connections whose head is too slow or too long, and those of which there are far too many."""
+    """Closes connections whose head is too slow or too long, and those far over the limit."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class BoundedProtocol(HttpToolsProtocol):
         self._head_ends: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Wait for the first head."""
+        """Start the timeout of the first head."""
         super().connection_made(transport)
         if self.limit_concurrency is not None and len(self.connections) > self.limit_concurrency + TURNED_AWAY:
             transport.abort()
@@ -55,12 +55,12 @@ class BoundedProtocol(HttpToolsProtocol):
         self._begin_head()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Wait for nothing more."""
+        """Stop the timeout."""
         self._end_head()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Take what came, unless the head that it belongs to has become too long."""
+        """Pass on data, unless its head has become too long."""
         super().data_received(data)
         if self._head_ends is not None:
             self._head_bytes += len(data)
@@ -68,13 +68,13 @@ class BoundedProtocol(HttpToolsProtocol):
                 self.transport.abort()
 
     def on_message_begin(self) -> None:
-        """Wait for the rest of the head."""
+        """Start the timeout of a further head."""
         super().on_message_begin()
         if self._head_ends is None:
             self._begin_head()
 
     def on_headers_complete(self) -> None:
-        """Go on to the body."""
+        """End the timeout of the head."""
         self._end_head()
         super().on_headers_complete()
 
@@ -89,20 +89,20 @@ class BoundedProtocol(HttpToolsProtocol):
 
 
 class SocketProtocol(WebSocketsSansIOProtocol):
-    """WebSockets, of which refusing one with a response is no error: uvicorn (0.54) logs that nothing was answered."""
+    """WebSockets whose refusal with a response is no error: uvicorn (0.54) logs that nothing was answered."""
 
     async def send(self, message: Any) -> None:
-        """Send what the application says."""
+        """Send an application's message."""
         await super().send(message)
         if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
             self.handshake_complete = True
 
 
 STOP_S: Final = 1
-"""How long requests may take to end when the monitor stops, and browsers to let go."""
+"""Seconds allowed for requests and browsers to finish when the monitor stops."""
 
 MAX_FRAME_BYTES: Final = 256 * 1024
-"""Of what a browser sends at once over a WebSocket."""
+"""Limit of a browser's WebSocket message."""
 
 GZIP_LEVEL: Final = 1
 """Compression happens on the event loop: the usual level 9 takes four times as long for a tenth less."""
@@ -113,16 +113,16 @@ ICON: Final = "👁"
 
 
 class _Server(uvicorn.Server):
-    """Leaves signals to the process that it is a part of."""
+    """Leaves signals to its process."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Capture none."""
+        """Capture no signals."""
         yield
 
 
 async def serve(monitor: Monitor, listener: socket.socket, access: Access) -> None:
-    """Serve at a listening socket until cancelled; it is closed then."""
+    """Serve on a listening socket until cancelled, then close it."""
     app = make_application(monitor, access)
     ui.run_with(
         app,

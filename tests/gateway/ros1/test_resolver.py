@@ -105,7 +105,7 @@ async def test_a_refusal_by_one_address_says_nothing_of_a_host_that_cannot_be_re
 async def test_an_address_that_keeps_silent_leaves_time_for_the_next(
     names: Names, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(resolver, "PATIENCE_S", 0.01)
+    monkeypatch.setattr(resolver, "LOOKUP_TIMEOUT_S", 0.01)
     assert names.known["robot"][0] != "127.0.0.1"
     async with asyncio.timeout(60):
         assert await Resolver().connect("robot", silent_but_for_the_last) == "127.0.0.1"
@@ -114,7 +114,7 @@ async def test_an_address_that_keeps_silent_leaves_time_for_the_next(
 
 
 async def test_the_last_address_has_all_the_time_that_there_is(names: Names, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(resolver, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(resolver, "LOOKUP_TIMEOUT_S", 0.0)
 
     async def slow(address: str) -> str:
         await asyncio.sleep(0.05)

@@ -114,7 +114,7 @@ async def test_a_monitor_that_cannot_write_its_picture_goes_on_and_says_so_once(
             monitor.kill()
         await monitor.wait()
     reason = "Input/output error" if terminal else "No space left on device"
-    assert said.decode().endswith(f"the fleet is not shown until it can be written: {reason}\n")
+    assert said.decode().endswith(f"the fleet is not shown until the output is writable: {reason}\n")
     assert rest == b""
 
 

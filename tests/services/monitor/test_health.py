@@ -9,7 +9,7 @@ async def test_it_hears_itself() -> None:
     async with FakeNetwork().open_bus() as bus:
         health = Health(bus)
         health._heard_s -= 2 * STALLED_S
-        assert health.problem.startswith("the bus has brought nothing for 2")
+        assert health.problem.startswith("nothing has arrived on the bus for 2")
         assert health.heard_s() is None
         running = asyncio.create_task(health.run())
         async with asyncio.timeout(5):

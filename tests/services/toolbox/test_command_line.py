@@ -165,7 +165,7 @@ def test_a_pipe_that_nobody_writes_to_is_not_waited_for(
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     assert main([*argv, str(pipe)]) == process.EXIT_USAGE
-    assert capsys.readouterr().err == f"fleetsight {argv[0]}: {option} '{pipe}': no regular file\n"
+    assert capsys.readouterr().err == f"fleetsight {argv[0]}: {option} '{pipe}': not a regular file\n"
 
 
 EXPORT = ["history", "export", "--to", "a.csv", "--history", "sqlite:////nowhere"]
@@ -180,8 +180,11 @@ EXPORT = ["history", "export", "--to", "a.csv", "--history", "sqlite:////nowhere
         ([*EXPORT, "--robot", "a/b"], "--robot: robot name 'a/b': use 1 to 64 letters"),
         ([*EXPORT, "--camera", "*"], "--camera: camera name '*': use 1 to 64 letters"),
         (["rules", "test", "a.yaml", "--since", "0001-01-01"], "--since '0001-01-01': use a year from 1970 to 2261"),
-        (["users", "list", "--days", "3"], "list was given days, and only token takes days"),
-        (["monitor", "--stale-s", "10", "--lost-s", "5"], "--stale-s 10 is more than --lost-s 5: a camera is stale"),
+        (["users", "list", "--days", "3"], "list takes no --days; only token does"),
+        (
+            ["monitor", "--stale-s", "10", "--lost-s", "5"],
+            "--stale-s 10 is more than --lost-s 5; set it to at most --lost-s",
+        ),
         (["monitor", "--refresh-s", "nan"], "--refresh-s 'nan': Input should be a finite number"),
         (["simulate", "--bag", "a.bag", "--ros-master", "http://robot:11311"], "--bag needs no ROS master"),
         (["simulate", "--bag", "a.bag", "--summary"], "--summary counts what is published live"),

@@ -17,11 +17,11 @@ URGENCY: Final = {severity: number for number, severity in enumerate(reversed(Se
 """Severities, the most urgent first."""
 
 NEED: Final = {AlertState.ESCALATED: 0, AlertState.RAISED: 1, AlertState.ACKNOWLEDGED: 2, AlertState.RESOLVED: 3}
-"""States, those first that need somebody most."""
+"""Alert states, the most urgent first."""
 
 
 class Deed(StrEnum):
-    """What somebody may do with an alert."""
+    """An action on an alert."""
 
     ACKNOWLEDGE = "acknowledge"
     ESCALATE = "escalate"
@@ -29,7 +29,7 @@ class Deed(StrEnum):
 
 
 class Panel(StrEnum):
-    """What the open alerts' panel shows. NOT_FOUND: there are some, and none that was searched for."""
+    """The states of the open alerts' panel. NOT_FOUND: there are alerts, but none matches the search."""
 
     UNKNOWN = "unknown"
     CALM = "calm"
@@ -46,12 +46,12 @@ DEEDS: Final = {
 
 
 def most_urgent_first(alerts: Iterable[Alert]) -> list[Alert]:
-    """Return alerts by severity, then those that nobody looks after, then the newest."""
+    """Return alerts by severity, then unacknowledged ones, then the newest."""
     return sorted(alerts, key=lambda each: (URGENCY[each.severity], NEED[each.state], -each.raised_ns))
 
 
 def wanted_alerts(alerts: Iterable[Alert], severity: Severity | None, text: str) -> list[Alert]:
-    """Return the alerts of a severity, or of any, that say `text` anywhere."""
+    """Return the alerts of a severity, or of any, that contain `text` anywhere."""
     text = text.strip().casefold()
     return [each for each in alerts if severity in (None, each.severity) and (not text or _says(each, text))]
 
@@ -73,7 +73,7 @@ def sorted_alerts(alerts: Sequence[Alert], sort: str, *, descending: bool) -> li
 
 
 def panel_of(every: Sequence[Alert] | None, found: Sequence[Alert]) -> Panel:
-    """Return what to show. every: all open alerts; None where nobody knows. found: those that were searched for."""
+    """Return the panel's state. every: all open alerts; None if unknown. found: those that match the search."""
     if every is None:
         return Panel.UNKNOWN
     if not every:
@@ -82,20 +82,20 @@ def panel_of(every: Sequence[Alert] | None, found: Sequence[Alert]) -> Panel:
 
 
 def severity_figures(every: Sequence[Alert] | None) -> dict[Severity, str]:
-    """Return how many alerts of each severity are open; every: None where nobody knows."""
+    """Return the number of open alerts of each severity; every: None if unknown."""
     counts = Counter(alert.severity for alert in every or ())
     return {severity: NOTHING if every is None else f"{counts[severity]:,}" for severity in Severity}
 
 
 def unattended_figure(every: Sequence[Alert] | None) -> tuple[str, str]:
-    """Return how many open alerts nobody looks after, and of how many; every: None where nobody knows."""
+    """Return the figures of unacknowledged alerts and of open alerts; every: None if unknown."""
     if every is None:
         return NOTHING, ""
     return f"{sum(alert.state is not AlertState.ACKNOWLEDGED for alert in every):,}", f"of {len(every):,}"
 
 
 def doubt_of(alert: Alert, inventory: Inventory, now_ns: int) -> str:
-    """Say why nobody knows whether what an alert says is still so, and since when; empty while that is known."""
+    """Return why an alert's condition is unconfirmed, and since when; empty if it is current."""
     until_ns = known_until_ns(alert, inventory, now_ns)
     if until_ns is None:
         return ""
@@ -104,13 +104,13 @@ def doubt_of(alert: Alert, inventory: Inventory, now_ns: int) -> str:
 
 
 def raised_by(leader: str) -> str:
-    """Say which other monitor raises the alerts, as far as that is known."""
+    """Return which other monitor raises the alerts, as far as that is known."""
     named = f"Another monitor ({leader})" if leader else "Another monitor"
     return f"{named} raises the alerts. Those below are from the shared history; act on them there."
 
 
 def alert_row(alert: Alert, acts: Sequence[Act], now_ns: int, *, may_act: bool, doubt: str = "") -> dict[str, Any]:
-    """Return an alert as its templates take it. may_act: who looks may do something about it. doubt: see `doubt_of`."""
+    """Return an alert as row of its templates. may_act: the visitor may act on it. doubt: see `doubt_of`."""
     return {
         "id": alert.id,
         "severity": alert.severity,

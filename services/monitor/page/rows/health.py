@@ -13,18 +13,18 @@ from services.monitor.page.rows.templates import DROPPED, STATE, WHEN
 from services.monitor.snapshot import WorkerLine
 
 MAX_SHOWN: Final = 12
-"""Cameras of a worker, and streams of a gateway, that are shown."""
+"""Maximum number of a worker's cameras, and of a gateway's streams, that are shown."""
 
 
 class WorkerRates:
-    """How many frames a second each worker looks at: what it counted between its last two accounts of itself."""
+    """Frames per second processed by each worker, between its last two status messages."""
 
     def __init__(self) -> None:
         self._last: dict[str, WorkerStatus] = {}
         self._rates: dict[str, float] = {}
 
     def take(self, workers: Sequence[WorkerLine]) -> Mapping[str, float]:
-        """Take the newest account of every worker there is; return the rates by worker, of those that are known."""
+        """Take the newest status of every worker; return the known rates by worker."""
         rates = {worker.name: self._rate_of(worker) for worker in workers if worker.online}
         self._rates = {name: rate for name, rate in rates.items() if rate is not None}
         self._last = {worker.name: worker.status for worker in workers}
@@ -38,12 +38,12 @@ class WorkerRates:
 
 
 def inferred(status: WorkerStatus) -> int:
-    """Return how many frames a worker looked at since it began."""
+    """Return the number of frames that a worker has processed since its start."""
     return sum(load.inferred for load in status.cameras)
 
 
 def worker_row(worker: WorkerLine, rate_hz: float, now_ns: int) -> dict[str, Any]:
-    """Return a worker as the health page's template takes it."""
+    """Return a worker as a row of the health page's template."""
     dropped = Counter[str]()
     for load in worker.status.cameras:
         dropped.update(load.dropped)
@@ -71,7 +71,7 @@ def worker_row(worker: WorkerLine, rate_hz: float, now_ns: int) -> dict[str, Any
 
 
 def gateway_row(robot: RobotRow, now_ns: int) -> dict[str, Any]:
-    """Return a robot's gateway with its streams as the health page's template takes it."""
+    """Return a robot's gateway with its streams as a row of the health page's template."""
     live = robot.line.online
     served = {camera.key.camera: camera.served_by for camera in robot.cameras}
     streams = robot.line.gateway.streams if robot.line.gateway else []
@@ -88,7 +88,7 @@ def gateway_row(robot: RobotRow, now_ns: int) -> dict[str, Any]:
 
 
 def dropped_cells(dropped: Mapping[str, int]) -> dict[str, Any]:
-    """Return drops as the templates take them: their sum, and each reason, the most first."""
+    """Return drops for the templates: their sum, and each reason, the most frequent first."""
     reasons = sorted(((min(count, MAX_COUNT), reason) for reason, count in dropped.items() if count), reverse=True)
     return {"dropped": brief(sum(count for count, _ in reasons)) if reasons else "", "reasons": tuple(reasons)}
 

@@ -1,4 +1,4 @@
-"""The inventory as a table that can be searched, sorted and counted. Pure."""
+"""The inventory as a table with search, sorting and counts. Pure."""
 
 import csv
 import io
@@ -21,7 +21,7 @@ CSV_COLUMNS: Final = (
 
 
 def sighting_row(entry: Entry, now_ns: int) -> dict[str, Any]:
-    """Return a sighting as the inventory's templates take it."""
+    """Return a sighting as a row of the inventory's templates."""
     of = entry.sighting
     return {
         "id": f"{of.key}/{of.name}",
@@ -42,7 +42,7 @@ def sighting_row(entry: Entry, now_ns: int) -> dict[str, Any]:
 
 
 def as_csv(entries: Iterable[Entry]) -> str:
-    """Return sightings as CSV with a heading; times are UTC, and no text is a spreadsheet's formula."""
+    """Return sightings as CSV with a heading; times are UTC, and formulas are escaped."""
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(CSV_COLUMNS)
@@ -92,7 +92,7 @@ SIGHTING_CARD: Final = f"""
 
 @dataclass(frozen=True, slots=True)
 class Filters:
-    """Which sightings are to be shown: `text` is in one of their names.
+    """Selects sightings: `text` is in one of their names.
 
     in_view: only what is known to be in view now; what a robot saw that is silent or gone is not.
     """
@@ -117,7 +117,7 @@ SORTS: Final[Mapping[str, Callable[[Entry], Any]]] = {
 
 
 class Stock:
-    """Every sighting at one moment. What was asked for once is kept, as many ask the same.
+    """All sightings at one moment. Results are cached, as many viewers ask for the same.
 
     totals: how many objects of each class are in view where that is known now, the most first. It is a sum over the
     views of cameras: what two of them see counts twice. views: how many cameras have each class in view.
@@ -136,7 +136,7 @@ class Stock:
         self.totals: Mapping[str, int] = dict(totals.most_common())
 
     def wanted(self, filters: Filters) -> Sequence[Entry]:
-        """Return the sightings that are wanted in the order that is."""
+        """Return the selected sightings in the given order."""
         if filters not in self._kept:
             text = filters.text.strip().casefold()
             found = [entry for entry in self.entries if _is_wanted(entry, filters, text)]
@@ -146,7 +146,7 @@ class Stock:
 
 
 def is_in_view(entry: Entry) -> bool:
-    """Whether there is some of it in view, as far as is known now."""
+    """Whether any are in view, as far as is known now."""
     return entry.available and entry.sighting.count > 0
 
 

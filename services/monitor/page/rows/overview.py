@@ -8,11 +8,11 @@ from services.monitor.page.rows.robots import RobotRow, RobotState
 from services.monitor.snapshot import CameraLine
 
 MAX_CAMERAS: Final = 8
-"""Cameras of one robot that are shown."""
+"""Maximum number of cameras shown per robot."""
 
 
 def robot_row(robot: RobotRow, now_ns: int, *, may_act: bool) -> dict[str, Any]:
-    """Return a robot as the overview's templates take it. Tuples: nicegui would watch whatever is in a list."""
+    """Return a robot as a row of the overview's templates, in tuples: nicegui would observe lists."""
     line, more = robot.line, len(robot.cameras) - MAX_CAMERAS
     return {
         "robot": line.name,

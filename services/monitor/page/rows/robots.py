@@ -1,4 +1,4 @@
-"""How robots are, at a glance for all of them, and in full for those that are shown. Pure."""
+"""States of robots: in brief for all of them, and in full for those that are shown. Pure."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,20 +15,20 @@ from services.monitor.page.formatting import NS, lasting
 from services.monitor.snapshot import CameraLine, FleetView, RobotLine
 
 QUIET_NS: Final = 5 * NS
-"""A gateway says every second how it is; one that said nothing for so long is not relied on, though it is there."""
+"""Gateways report every second; one silent for longer is not relied on, though it is online."""
 
 
 DETECTOR: Final = "detector/"
-"""What the names of workers begin with that say what cameras see."""
+"""Name prefix of workers that report class lists."""
 
 
 class RobotState(StrEnum):
-    """How a robot is, the worst first. What is OFFLINE or SILENT is not available."""
+    """The state of a robot, the worst first. OFFLINE and SILENT robots are not available."""
 
     OFFLINE = "offline"
     """Its gateway is gone."""
     SILENT = "silent"
-    """Its gateway is there, but nobody says what its cameras see now."""
+    """Its gateway is online, but no current class lists arrive from its cameras."""
     TROUBLE = "trouble"
     """It works, but not all of it."""
     ONLINE = "online"
@@ -36,7 +36,7 @@ class RobotState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RobotRow:
-    """One robot. why: what keeps it from being online, in words."""
+    """One robot. why: why it is not online, in words."""
 
     line: RobotLine
     cameras: tuple[CameraLine, ...]
@@ -45,7 +45,7 @@ class RobotRow:
 
 
 class Standing(NamedTuple):
-    """One robot at the moment of a survey: what it is counted, sorted and shown by.
+    """One robot in a survey, with the keys for counting, sorting and showing it.
 
     rows: its cameras. last_ns, problems, age_s, rate_hz: as RobotLine has them. live: how many cameras are not stale.
     """
@@ -61,7 +61,7 @@ class Standing(NamedTuple):
 
 
 def standings_of(glance: FleetView) -> Iterator[Standing]:
-    """Yield how each robot is, by name as people sort names."""
+    """Yield the standing of each robot, by name in natural order."""
     of_robot = by_robot(glance.cameras)
     for name in in_natural_order(glance.robots):
         keys = of_robot.get(name, ())
@@ -77,7 +77,7 @@ def standings_of(glance: FleetView) -> Iterator[Standing]:
 
 @lru_cache(maxsize=2)
 def by_robot(cameras: tuple[CameraKey, ...]) -> Mapping[str, Sequence[CameraKey]]:
-    """Return each robot's cameras, as people sort names; those of a fleet are the same for hours."""
+    """Return each robot's cameras in natural order; cached, as a fleet's names rarely change."""
     of_robot = defaultdict[str, list[CameraKey]](list)
     for key in cameras:
         of_robot[key.robot].append(key)
@@ -86,12 +86,12 @@ def by_robot(cameras: tuple[CameraKey, ...]) -> Mapping[str, Sequence[CameraKey]
 
 @lru_cache(maxsize=2)
 def in_natural_order(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return names as people sort them; that of a fleet is the same for hours."""
+    """Return names in natural order; cached, as a fleet's names rarely change."""
     return tuple(sorted(names, key=natural))
 
 
 def state_of(rows: Sequence[Row], silent_ns: int, *, online: bool, wrong: bool) -> RobotState:
-    """Return how a robot is. rows: its cameras. silent_ns: since it was heard last. wrong: something is."""
+    """Return the state of a robot. rows: its cameras. silent_ns: since its last message. wrong: it has problems."""
     if not online:
         return RobotState.OFFLINE
     if silent_ns > QUIET_NS:
@@ -103,7 +103,7 @@ def state_of(rows: Sequence[Row], silent_ns: int, *, online: bool, wrong: bool) 
 
 
 def robot_of(glance: FleetView, of: Standing) -> RobotRow:
-    """Return all that is shown of a robot, with the state that it is counted with."""
+    """Return the full data of a robot, with the state under which it is counted."""
     cameras = tuple(glance.camera_of(row) for row in of.rows)
     line = replace(
         glance.robot_of(of.name, cameras),
@@ -115,7 +115,7 @@ def robot_of(glance: FleetView, of: Standing) -> RobotRow:
 
 
 def standing(line: RobotLine, cameras: Sequence[CameraLine], now_ns: int) -> tuple[RobotState, str]:
-    """Return how a robot is, and why it is not online, in words."""
+    """Return the state of a robot, and why it is not online, in words."""
     silent_ns = now_ns - line.last_ns
     state = state_of([each.row for each in cameras], silent_ns, online=line.online, wrong=bool(line.problems))
     match state:
@@ -134,7 +134,7 @@ def _unseen(cameras: Sequence[CameraLine]) -> str:
     """Say why nothing is known of cameras that are there."""
     served_by = {name for camera in cameras for name in camera.served_by if name.startswith(DETECTOR)}
     workers = sorted(served_by, key=natural)
-    return f"no class lists from {', '.join(workers)}" if workers else "no detector looks after its cameras"
+    return f"no class lists from {', '.join(workers)}" if workers else "no detector serves its cameras"
 
 
 WORST_FIRST: Final = {state: place for place, state in enumerate(RobotState)}
@@ -150,7 +150,7 @@ SORTS: Final[Mapping[str, Callable[[Standing], Any]]] = {
 
 @dataclass(frozen=True, slots=True)
 class RobotFilter:
-    """Which robots are to be shown: `text` is in their names or a camera's or class's; all states unless given."""
+    """Selects robots: `text` is in their names or a camera's or class's; all states unless given."""
 
     text: str = ""
     state: RobotState | None = None
@@ -159,7 +159,7 @@ class RobotFilter:
 
 
 class Survey:
-    """All robots at one moment: counted, searched, sorted and shown, so that what is counted is what is shown.
+    """All robots at one moment: counts, search, order and rows agree with each other.
 
     now_ns: that moment, epoch. What was asked for once is kept, as many ask the same.
     """
@@ -178,15 +178,15 @@ class Survey:
 
     @property
     def size(self) -> int:
-        """How many robots there are."""
+        """The number of robots."""
         return len(self._standings)
 
     def robot(self, name: str) -> RobotRow:
-        """Return all that is shown of a robot."""
+        """Return the full data of a robot."""
         return robot_of(self._glance, self._by_name[name])
 
     async def robots(self, wanted: RobotFilter) -> Sequence[str]:
-        """Return the names of the robots that are wanted in the order that is."""
+        """Return the names of the selected robots in the given order."""
         if wanted not in self._kept:
             text = wanted.text.strip().casefold()
             found = [each for each in self._standings if wanted.state in (None, each.state)]
@@ -201,7 +201,7 @@ class Survey:
         return self._kept[wanted]
 
     async def unserved(self) -> Sequence[CameraKey]:
-        """Return the cameras that are there and that no detector looks after."""
+        """Return the online cameras that no detector serves."""
         if self._unserved is None:
             self._unserved = [
                 key async for key in in_turns(cameras_in_order(self._glance.cameras)) if _is_unserved(self._glance, key)

@@ -1,9 +1,9 @@
-"""Vue templates of rows. What comes from robots is put in by `{{ }}` and by attributes, never as HTML."""
+"""Vue templates of rows. Text from robots is inserted by `{{ }}` and attributes, never as HTML."""
 
 from typing import Final
 
 WHEN: Final = """:title="{at} ? new Date({at}).toLocaleString() : ''\""""
-"""An attribute that says when something was, in the browser's own zone."""
+"""An attribute that shows a time in the browser's own zone."""
 
 STATE: Final = """
 <span :class="'fs-state fs-' + props.row.state"
@@ -29,7 +29,7 @@ IN_VIEW: Final = """
 <span v-else v-for="seen in camera.classes" class="fs-chip"><b>{{ seen[0] }}</b>{{ seen[1] }}</span>
 """
 
-NO_CAMERA: Final = "no camera is offered; on the robot, fleetsight doctor says why"
+NO_CAMERA: Final = "no camera is published; run fleetsight doctor on the robot to see why"
 
 CAMERA: Final = """
 <a class="fs-link" :href="'/cameras/' + encodeURIComponent(props.row.robot) + '/' + encodeURIComponent(camera.name)"

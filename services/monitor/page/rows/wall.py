@@ -1,4 +1,4 @@
-"""What a wall screen shows, as HTML: alerts and robots that need somebody, and the other robots. Pure."""
+"""The wall screen's content as HTML: alerts and robots that need attention, and the other robots. Pure."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -16,21 +16,21 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Turned:
-    """Some of what does not fit at once. first: which of all `count` the first of `items` is."""
+    """One page of items that do not all fit. first: the index of the first of `items` among all `count`."""
 
     first: int
     size: int
     count: int
 
     def __str__(self) -> str:
-        """Say which ones these are; empty if they are all."""
+        """Return the range of the items; empty if all are shown."""
         if self.size == self.count:
             return ""
         return f"{self.first + 1:,}-{self.first + self.size:,} of {self.count:,}"
 
 
 def turned(items: Sequence[T], fit: int, turn: int) -> tuple[Sequence[T], Turned]:
-    """Return the items that are shown at a turn, of which there are as many as pages, over and over."""
+    """Return the items of a turn; turns cycle through all pages."""
     pages = max(1, -(-len(items) // fit))
     first = turn % pages * fit
     shown = items[first : first + fit]
@@ -38,14 +38,14 @@ def turned(items: Sequence[T], fit: int, turn: int) -> tuple[Sequence[T], Turned
 
 
 def pressing(alerts: Sequence[Alert], lost: Sequence[str]) -> list[Alert | str]:
-    """Return what needs somebody: critical alerts, then the robots that are lost and of which none of these tells."""
+    """Return the items that need attention: critical alerts, then lost robots without such an alert."""
     critical = most_urgent_first(each for each in alerts if each.severity is Severity.CRITICAL)
     told = {each.robot for each in critical if not each.name and not each.camera}
     return [*critical, *(name for name in lost if name not in told)]
 
 
 def alert_line(alert: Alert, doubt: str, now_ns: int) -> str:
-    """Return an alert as a line. doubt: why nobody knows whether it is still so, if that is so."""
+    """Return an alert as a line. doubt: why its condition is unconfirmed, if it is."""
     state = "" if alert.state is AlertState.RAISED else f"{alert.state}, "
     badge = f'<span class="fs-severity fs-{alert.severity}">{alert.severity}</span>'
     said = f"{alert.text}, {doubt}" if doubt else alert.text
@@ -53,7 +53,7 @@ def alert_line(alert: Alert, doubt: str, now_ns: int) -> str:
 
 
 def lost_line(robot: RobotRow, now_ns: int) -> str:
-    """Return a robot that is lost as a line."""
+    """Return a lost robot as a line."""
     badge = f'<span class="fs-state fs-{robot.state}"><span class="fs-dot fs-{robot.state}"></span>{robot.state}</span>'
     return _line(badge, f"{robot.line.name}: {robot.why}", f"last seen {ago(robot.line.last_ns, now_ns)}")
 
@@ -66,7 +66,7 @@ def _line(badge: str, said: str, when: str, *, stale: bool = False) -> str:
 
 
 def robot_cell(robot: RobotRow) -> str:
-    """Return a robot that is there as a cell: how it is, what is wrong, and what its cameras have in view now."""
+    """Return an online robot as a cell: its state, problems, and the objects in view."""
     why = _cut(robot.why, "fs-why") if robot.why else ""
     return (
         f'<div class="fs-cell" data-robot="{escape(robot.line.name)}"><div class="fs-who-is">'
@@ -76,10 +76,10 @@ def robot_cell(robot: RobotRow) -> str:
 
 
 def in_view(robot: RobotRow) -> str:
-    """Say what all cameras of a robot that are live have in view, the most first, and if several are added up."""
+    """Return the objects in view of a robot's live cameras, the most first, and whether several cameras add up."""
     live = [each.row.classes for each in robot.cameras if not each.row.stale and each.row.classes is not None]
     if not live:
-        return "what is in view is not known"
+        return "objects in view are unknown"
     counts = Counter[str]()
     for classes in live:
         counts.update({seen.name: seen.count for seen in classes})

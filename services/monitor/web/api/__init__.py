@@ -1,1 +1,1 @@
-"""The HTTP API: what the page shows, for programs."""
+"""The HTTP API: the page's data, for programs."""

@@ -1,4 +1,4 @@
-"""Routes about the monitor itself: who asks, how it does, which rules are in force."""
+"""Routes about the monitor itself: the current user, its status, the rules in force."""
 
 import time
 
@@ -18,7 +18,7 @@ def about_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/me")
     async def me(request: Request) -> MeAnswer:
-        """Who asks, and as what."""
+        """The user of the request, and their role."""
         visitor = visitor_of(request)
         if visitor.role is None:
             raise HTTPException(401, "logged out")
@@ -26,7 +26,7 @@ def about_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/status")
     async def status() -> StatusAnswer:
-        """How the monitor itself is doing."""
+        """The status of the monitor itself."""
         glance = monitor.glance()
         return StatusAnswer(
             version=VERSION,
@@ -43,7 +43,7 @@ def about_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/rules")
     async def rules() -> RulesAnswer:
-        """The rules in force, and what is wrong with the newest version of their file. Webhooks by name alone."""
+        """The rules in force, and the mistake in the newest version of their file. Webhooks by name only."""
         book, file = monitor.rules.book, monitor.settings.rules
         return RulesAnswer(
             file=None if file is None else str(file),

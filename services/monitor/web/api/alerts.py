@@ -1,4 +1,4 @@
-"""Routes about alerts: which there are, and what people do with them."""
+"""Routes about alerts: unresolved alerts, and operators' actions on them."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -27,7 +27,7 @@ def alert_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/alerts")
     async def alerts(*, robot: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[AlertAnswer]:
-        """The alerts that are not resolved, whichever monitor raised them."""
+        """The unresolved alerts, whichever monitor raised them."""
         found = [alert for alert in await monitor.current_alerts() if robot in ("", alert.robot)]
         items, mark = page_of(sorted(found, key=_place), _place, limit, after, 1)
         return Page(now=moment(time.time_ns()), items=[answer(alert) for alert in items], next=mark)
@@ -36,22 +36,22 @@ def alert_routes(monitor: Monitor) -> APIRouter:
         who = operator_of(request, monitor)
         as_it_is = next((alert for alert in monitor.alerts() if alert.id == alert_id), None)
         if as_it_is is not None and _did(who, state, as_it_is, monitor.acts_of(alert_id)):
-            return answer(as_it_is)  # a program that got no answer asks again
+            return answer(as_it_is)  # a retry by a program that got no response
         return answer(do(alert_id, who))
 
     @router.post("/alerts/{alert_id}/acknowledge")
     async def acknowledge(alert_id: AlertId, request: Request) -> AlertAnswer:
-        """Note that you look after an alert: it does not escalate by itself any more."""
+        """Acknowledge an alert: it no longer escalates by itself."""
         return act(monitor.acknowledge, AlertState.ACKNOWLEDGED, alert_id, request)
 
     @router.post("/alerts/{alert_id}/escalate")
     async def escalate(alert_id: AlertId, request: Request) -> AlertAnswer:
-        """Have others look after an alert."""
+        """Escalate an alert."""
         return act(monitor.escalate, AlertState.ESCALATED, alert_id, request)
 
     @router.post("/alerts/{alert_id}/resolve")
     async def resolve(alert_id: AlertId, request: Request) -> AlertAnswer:
-        """Close an alert; it is raised again only after it was over."""
+        """Resolve an alert; it is raised again only after its condition has cleared."""
         return act(monitor.resolve, AlertState.RESOLVED, alert_id, request)
 
     return router
@@ -62,6 +62,6 @@ def _place(alert: Alert) -> tuple[str, ...]:
 
 
 def _did(who: str, state: AlertState, alert: Alert, acts: Iterable[Act]) -> bool:
-    """Whether somebody did something with an alert since it is as it is."""
+    """Whether a user's action led to the alert's current state."""
     mine = (act for act in acts if (act.who, act.state) == (who, state))
     return alert.state is state and any(act.at_ns >= alert.changed_ns for act in mine)

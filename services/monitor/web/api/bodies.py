@@ -1,4 +1,4 @@
-"""Answers that are long lists, as they are sent: what `models` says of each item, most of it without making models.
+"""JSON of long lists, in the fields of `models`, mostly without making models.
 
 Pure.
 """
@@ -16,21 +16,21 @@ from services.monitor.snapshot import CameraLine, RobotLine
 from services.monitor.web.api.models import Part, known_moment
 
 Body = dict[str, Any]
-"""What an item of a list is in JSON, by the names that its model in `models` has there."""
+"""The JSON of a list's item, in the fields of its model in `models`."""
 
 
 def page_response(now_ns: int, items: Sequence[Body | msgspec.Raw], mark: str | None) -> Response:
-    """Return a Page of items, bodies or encoded already; mark: its `next`."""
+    """Return a Page of items, as bodies or already encoded; mark: its `next`."""
     return Response(encoded({"now": moment(now_ns), "items": items, "next": mark}), media_type="application/json")
 
 
 def encoded(body: Body) -> bytes:
-    """Return JSON."""
+    """Return the JSON of a body."""
     return msgspec.json.encode(body)
 
 
 def encoded_answer(answer: Part) -> msgspec.Raw:
-    """Return an item of which a model was made, encoded: one by one, as all of a page at once takes long."""
+    """Return the JSON of a model, one item at a time, as a whole page at once takes long."""
     return msgspec.Raw(answer.model_dump_json(by_alias=True).encode())
 
 

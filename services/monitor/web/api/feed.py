@@ -1,4 +1,4 @@
-"""Everything that clients of the live data are sent, made once for all of them, and only what one of them asked for."""
+"""Items for clients of live data, made once for all clients, and only if one asks for them."""
 
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
@@ -23,14 +23,14 @@ Topic = Literal["robots", "cameras", "inventory", "alerts", "workers", "gateways
 TOPICS: Final[tuple[Topic, ...]] = get_args(Topic)
 
 RENEW_S: Final = 10.0
-"""How often something is sent again of which only times, rates and scores change."""
+"""Seconds between updates of items of which only times, rates and scores change."""
 
 Name = tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Item:
-    """One thing of a topic. state: what makes it news. body: JSON, as the API answers it."""
+    """One item of a topic. state: a new item is sent when it changes. body: JSON, as in the API."""
 
     state: Hashable
     body: str
@@ -41,11 +41,11 @@ class Item:
 Items = Mapping[Name, Item]
 
 Found = tuple[Name, Hashable, str, Callable[[], str]]
-"""What an item is made of: name, state, robot, and what makes its JSON."""
+"""The parts of an item: name, state, robot, and a function that makes its JSON."""
 
 
 class Feed:
-    """Makes items, and keeps each as long as it is no news."""
+    """Makes items, and caches each until its state changes."""
 
     def __init__(self, monitor: Monitor) -> None:
         self._monitor = monitor
@@ -53,7 +53,7 @@ class Feed:
         self._recent = {topic: CachedValue(partial(self._make, topic), MAX_AGE_S) for topic in TOPICS}
 
     async def current(self, topics: Iterable[Topic]) -> tuple[str, Mapping[Topic, Items]]:
-        """Return the time, and every item of these topics by name; nobody is to change them.
+        """Return the time, and every item of these topics by name; read only.
 
         A topic is left out while it is not known what there is of it.
         """
@@ -64,7 +64,7 @@ class Feed:
         try:
             found = await self._found(topic)
         except HistoryError:
-            return self._items.get(topic)  # as far as anybody knows
+            return self._items.get(topic)  # the last known items
         made = {each[0]: self._item(topic, each) async for each in in_turns(found)}
         self._items[topic] = made
         return made

@@ -1,4 +1,4 @@
-"""Routes about the fleet now: robots, cameras, what is in view, gateways, workers. Only what is answered is made."""
+"""Routes about the current fleet: robots, cameras, sightings, gateways, workers. Only requested items are made."""
 
 import time
 from bisect import bisect_left
@@ -35,7 +35,7 @@ Place = tuple[str, str, str]
 
 @dataclass(frozen=True, slots=True)
 class SightingQuery:
-    """Which sightings are asked for: each of a name unless it is empty; in_view: those that there are some of.
+    """Selects sightings: by each name that is not empty; in_view: only those in view.
 
     available: those that can be relied on now, or those that cannot; None for both. after: those behind this place.
     """
@@ -49,7 +49,7 @@ class SightingQuery:
 
 
 async def some_entries(inventory: Inventory, asked: SightingQuery, most: int, now_ns: int) -> list[Entry]:
-    """Return the first so many by place; others get their turn meanwhile."""
+    """Return the first `count` entries by place; other tasks run meanwhile."""
     found: list[Entry] = []
     order = inventory.in_order(asked.robot)
     begin = bisect_left(order, asked.after[:2], key=PLACE) if asked.after else 0
@@ -88,7 +88,7 @@ def fleet_routes(monitor: Monitor) -> APIRouter:
         limit: Limit = DEFAULT_LIMIT,
         after: After = None,
     ) -> Response:
-        """What is or was in view, by robot, camera and class, settled from lists that flicker."""
+        """The objects that are or were in view, by robot, camera and class, debounced from class lists."""
         behind = None if after is None else place_of(after, (str, str, str))
         asked = SightingQuery(robot, camera, name, in_view, available, behind)
         now_ns = time.time_ns()
@@ -104,7 +104,7 @@ def _member_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/robots", response_model=Page[RobotAnswer])
     async def robots(*, online: bool | None = None, limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
-        """Every robot that was ever heard of, by name; one that is gone stays until it is forgotten."""
+        """Every robot ever seen, by name; an offline robot stays until it is forgotten."""
         glance = monitor.glance()
         there = monitor.fleet.inventory.is_alive
         names, mark = page_of(
@@ -115,7 +115,7 @@ def _member_routes(monitor: Monitor) -> APIRouter:
 
     @router.post("/robots/{robot}/forget", status_code=204)
     async def forget(robot: RobotName, request: Request) -> None:
-        """Take a robot whose gateway is gone off every list until it is back, and resolve its alerts."""
+        """Take an offline robot off every list until its gateway is back, and resolve its alerts."""
         monitor.forget(robot, operator_of(request, monitor))
 
     @router.get("/cameras", response_model=Page[CameraAnswer])
@@ -138,7 +138,7 @@ def _account_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/gateways", response_model=Page[GatewayAnswer])
     async def gateways(*, robot: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
-        """What each robot's gateway says of itself: every stream, its rates and drops."""
+        """The status of each robot's gateway: every stream, its rates and drops."""
         glance, fleet = monitor.glance(), monitor.fleet
         known = [each for each in glance.robots if robot in ("", each) and each in fleet.gateways]
         names, mark = page_of(known, _name_place, limit, after, 1)
@@ -152,7 +152,7 @@ def _account_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/workers", response_model=Page[WorkerAnswer])
     async def workers(*, service: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
-        """Every worker: which cameras it looks after, and what became of their frames."""
+        """Every worker: the cameras it serves, and its frame counts."""
         found, mark = page_of(
             monitor.workers().lines,
             _worker_place,

@@ -1,4 +1,4 @@
-"""Routes about what was: sightings as intervals, alerts, and both as files."""
+"""Routes about the history: sightings as intervals, alerts, and both as files."""
 
 import asyncio
 import time
@@ -31,14 +31,14 @@ KINDS: Final = {"csv": "text/csv", "parquet": "application/vnd.apache.parquet"}
 FILES: Final[dict[int | str, dict[str, Any]]] = {200: {"content": {kind: {} for kind in KINDS.values()}}}
 
 Moment = Annotated[AwareDatetime, written_like("2026-11-20T06:00Z")]
-Since = Annotated[Moment | None, Query(description="what ended before is left out; a day ago unless given")]
-Until = Annotated[Moment | None, Query(description="what began later is left out")]
+Since = Annotated[Moment | None, Query(description="skip what ended before this time; a day ago by default")]
+Until = Annotated[Moment | None, Query(description="skip what began after this time")]
 
 
 def asked(
     *, since: Since = None, until: Until = None, robot: Name = "", camera: Name = "", name: ClassName = ""
 ) -> HistoryQuery:
-    """Return what the query of a URL asks for.
+    """Return the history query of a URL.
 
     Raises:
         HTTPException: it ends before it begins.
@@ -66,7 +66,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/sightings")
     async def sightings(wanted: FromQuery, limit: Limit = DEFAULT_LIMIT, after: After = None) -> Page[IntervalAnswer]:
-        """What was in view, one interval as long as a count stayed the same; the newest first."""
+        """The objects in view, one interval per constant count; newest first."""
         place = None if after is None else place_of(after, (int, str, str, str))
         items, mark = first_of(await monitor.archive.sightings(wanted, limit + 1, place), _interval_place, limit)
         return Page(now=moment(time.time_ns()), items=[interval_answer(each) for each in items], next=mark)
@@ -74,11 +74,11 @@ def history_routes(monitor: Monitor) -> APIRouter:
     @router.get("/alerts")
     async def alerts(
         wanted: FromQuery,
-        state: Annotated[AlertState | None, Query(description="in this state alone")] = None,
+        state: Annotated[AlertState | None, Query(description="only alerts in this state")] = None,
         limit: Limit = DEFAULT_LIMIT,
         after: After = None,
     ) -> Page[AlertAnswer]:
-        """Alerts, resolved or not, and what people did with them; those that changed last come first."""
+        """Alerts, resolved or not, with operators' actions on them; last changed first."""
         place = None if after is None else place_of(after, (int, str))
         states = () if state is None else (state,)
         found = await monitor.archive.alerts(wanted, limit + 1, place, states=states)
@@ -98,9 +98,9 @@ def history_routes(monitor: Monitor) -> APIRouter:
         *,
         bom: Annotated[bool, Query(description="begin CSV with a byte order mark, as Excel needs it")] = False,
     ) -> FileResponse:
-        """What the other two answer, whole and as a file, the oldest first; one at a time is made."""
+        """All matching sightings or alerts as a file, oldest first; one export runs at a time."""
         if exporting.locked():
-            raise HTTPException(503, "another export is being made", {"Retry-After": "10"})
+            raise HTTPException(503, "another export is running; try again later", {"Retry-After": "10"})
         async with exporting:
             folder = await asyncio.to_thread(TemporaryDirectory, prefix="fleetsight-")
             file = Path(folder.name) / f"{what}.{kind}"
@@ -114,7 +114,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
 
     @router.post("/trust-clock", status_code=204)
     async def trust_clock(request: Request) -> None:
-        """The clock of the monitor's machine is right, however long ago history was kept last."""
+        """Trust the clock of the monitor's machine, however long ago the history was written last."""
         monitor.trust_clock(operator_of(request, monitor))
 
     return router
@@ -137,7 +137,7 @@ def _export_settings(history: str, wanted: HistoryQuery, what: str, file: Path) 
     try:
         return ExportSettings(**given)
     except ValidationError as error:
-        reason = error.errors()[0]["msg"].removeprefix("Value error, ").replace("--", "")  # no options here
+        reason = error.errors()[0]["msg"].removeprefix("Value error, ").replace("--", "")  # parameters have no dashes
         raise HTTPException(422, reason) from error
 
 

@@ -1,4 +1,4 @@
-"""The fleet as it changes, over a WebSocket: each client is sent what is new to it, as fast as it takes it."""
+"""The fleet as it changes, over a WebSocket: each client gets only changes, as fast as it takes them."""
 
 import asyncio
 import json
@@ -14,13 +14,13 @@ from services.monitor.web.api.feed import TOPICS, Feed, Item, Name, Topic
 MAX_CLIENTS: Final = 100
 TRY_AGAIN_LATER: Final = 1013
 
-Topics = Annotated[Sequence[Topic], Query(max_length=len(TOPICS), description="what of; all unless given")]
-Period = Annotated[float, Query(ge=MAX_AGE_S, le=60, description="seconds between two messages, at least")]
-Robot = Annotated[str, Query(max_length=64, description="only what is about this robot")]
+Topics = Annotated[Sequence[Topic], Query(max_length=len(TOPICS), description="topics to send; all by default")]
+Period = Annotated[float, Query(ge=MAX_AGE_S, le=60, description="minimum seconds between two messages")]
+Robot = Annotated[str, Query(max_length=64, description="only this robot")]
 
 
 class Client:
-    """What one client was sent already: nothing waits for it but what it has not been told yet. Pure."""
+    """The state already sent to one client; only differences are sent, so nothing queues. Pure."""
 
     def __init__(self, topics: Iterable[Topic], robot: str) -> None:
         self._robot = robot
@@ -28,11 +28,11 @@ class Client:
 
     @property
     def topics(self) -> Iterable[Topic]:
-        """What it is told about."""
+        """The client's topics."""
         return self._sent
 
     def news(self, now: str, current: Mapping[Topic, Mapping[Name, Item]]) -> str:
-        """Return what is new to it as JSON, which then counts as sent; empty if nothing is.
+        """Return the changes as JSON, and mark them as sent; empty if there are none.
 
         That there is nothing of a topic is news, too, once. Of one that is not in `current` nothing is known.
         """
@@ -88,7 +88,7 @@ async def _send(socket: WebSocket, client: Client, feed: Feed, period_s: float) 
         sent_s = time.monotonic()
         news = client.news(*await feed.current(client.topics))
         if news:
-            # waits until the client takes it; what changes meanwhile is sent as it is then
+            # waits until the client takes it; later changes are sent in their newest state
             await socket.send_text(news)
         await asyncio.sleep(max(0.0, sent_s + period_s - time.monotonic()))
 

@@ -1,4 +1,4 @@
-"""What the API answers with. Times are UTC; None where there is none yet. Pure."""
+"""Models of the API's responses. Times are UTC; None where there is none yet. Pure."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -21,13 +21,13 @@ Figure = Annotated[float, AfterValidator(rounded)]
 
 
 class Part(BaseModel):
-    """What every answer is made of."""
+    """The base of all response models."""
 
     model_config = ConfigDict(frozen=True, from_attributes=True, populate_by_name=True)
 
 
 class Page(Part, Generic[T]):
-    """Some of what there is. next: to be given as `after` for those that follow; None at the end."""
+    """One page of items. next: the value of `after` for the following page; None at the end."""
 
     now: datetime
     items: list[T]
@@ -35,7 +35,7 @@ class Page(Part, Generic[T]):
 
 
 class ErrorAnswer(Part):
-    """Any error, whatever its status."""
+    """An error response of any status."""
 
     error: str
 
@@ -63,7 +63,7 @@ class RobotAnswer(Part):
 
 
 class CameraAnswer(Part):
-    """A camera. stale: what it shows may no longer be so. age_exact: whether the way here is part of the age.
+    """A camera. stale: its view may be outdated. age_exact: whether the age includes the transport delay.
 
     classes: in view, or were last, settled as in the inventory; None before that is known. served_by: workers that look
     after it, as service/name.
@@ -83,7 +83,7 @@ class CameraAnswer(Part):
 
 
 class SightingAnswer(Part):
-    """A class in view of a camera, or when it was last. available: it can be relied on now."""
+    """A class that is or was in view of a camera. available: it is current."""
 
     robot: str
     camera: str
@@ -99,7 +99,7 @@ class SightingAnswer(Part):
 
 
 class IntervalAnswer(Part):
-    """As long as one class was in view of one camera with one count. open: it goes on."""
+    """A period in which one class was in view of one camera with a constant count. open: it continues."""
 
     robot: str
     camera: str
@@ -116,7 +116,7 @@ class IntervalAnswer(Part):
 
 
 class ActAnswer(Part):
-    """What somebody did with an alert."""
+    """An operator's action on an alert."""
 
     state: AlertState
     who: str
@@ -124,7 +124,7 @@ class ActAnswer(Part):
 
 
 class AlertAnswer(Part):
-    """An alert, and what people did with it.
+    """An alert with operators' actions on it.
 
     known_until: when its camera was heard last, if its robot is gone or its camera silent, so that nobody knows whether
     what it says is still so; None while that is known, of alerts about silence itself, and of resolved ones.
@@ -156,7 +156,7 @@ class LoadAnswer(Part):
 
 
 class WorkerAnswer(Part):
-    """A worker. version: of its software, empty where nobody says."""
+    """A worker. version: of its software, empty if unknown."""
 
     service: str
     worker: str
@@ -201,7 +201,7 @@ class ReturnAnswer(Part):
 
 
 class GatewayAnswer(Part):
-    """A robot's gateway, as it said last. version: of its software, empty where nobody says."""
+    """The last status of a robot's gateway. version: of its software, empty if unknown."""
 
     robot: str
     online: bool
@@ -215,7 +215,7 @@ class GatewayAnswer(Part):
 
 
 class RulesAnswer(Part):
-    """The rules in force. problem: why the newest version of the file is not, with its line, or empty.
+    """The rules in force. problem: the mistake in the newest version of the file, with its line, or empty.
 
     remarks: classes that no detector there reports, and robots that there are none of, by rule.
     """
@@ -229,7 +229,7 @@ class RulesAnswer(Part):
 
 
 class HistoryAnswer(Part):
-    """How the history is doing. problem: why it is not being kept, or empty. leads: this monitor raises the alerts."""
+    """The status of the history. problem: why it is not written, or empty. leads: this monitor raises the alerts."""
 
     problem: str
     leads: bool
@@ -238,7 +238,7 @@ class HistoryAnswer(Part):
 
 
 class StatusAnswer(Part):
-    """The monitor itself. problems: what keeps it from doing all that it should. left_out: messages, by reason.
+    """The monitor itself. problems: its own problems. left_out: ignored messages, by reason.
 
     alerts: that are not resolved, whichever monitor raised them; None while another one does and they cannot be read.
     """
@@ -256,7 +256,7 @@ class StatusAnswer(Part):
 
 
 class MeAnswer(Part):
-    """Whoever asks."""
+    """The user of the request."""
 
     name: str
     role: Role
@@ -268,7 +268,7 @@ def known_moment(ns: int) -> datetime | None:
 
 
 def interval_answer(of: Interval) -> IntervalAnswer:
-    """Return an interval as it is answered."""
+    """Return an interval's model."""
     return IntervalAnswer(
         robot=of.key.robot,
         camera=of.key.camera,
@@ -286,7 +286,7 @@ def interval_answer(of: Interval) -> IntervalAnswer:
 
 
 def alert_answer(alert: Alert, acts: tuple[Act, ...], known_until_ns: int | None) -> AlertAnswer:
-    """Return an alert as it is answered. known_until_ns: see `doubt`."""
+    """Return an alert's model. known_until_ns: see `doubt`."""
     return AlertAnswer(
         id=alert.id,
         rule=alert.rule,
@@ -304,7 +304,7 @@ def alert_answer(alert: Alert, acts: tuple[Act, ...], known_until_ns: int | None
 
 
 def worker_answer(line: WorkerLine) -> WorkerAnswer:
-    """Return a worker as it is answered."""
+    """Return a worker's model."""
     of = line.status
     return WorkerAnswer(
         service=of.service,
@@ -319,7 +319,7 @@ def worker_answer(line: WorkerLine) -> WorkerAnswer:
 
 
 def gateway_answer(of: GatewayStatus, last_ns: int, *, online: bool) -> GatewayAnswer:
-    """Return a robot's gateway as it is answered. last_ns: when anything came from the robot last."""
+    """Return a gateway's model. last_ns: the robot's newest message."""
     return GatewayAnswer(
         robot=of.robot,
         online=online,

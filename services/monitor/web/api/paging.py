@@ -1,4 +1,4 @@
-"""Pages of long lists, and the marks that say where one ended."""
+"""Pages of long lists, and the cursors between them."""
 
 import base64
 import binascii
@@ -22,19 +22,19 @@ MAX_ITEMS: Final = 1_000
 MAX_MARK: Final = 1_000
 MAX_INTEGER: Final = 2**63
 
-Limit = Annotated[int, Query(ge=1, le=MAX_ITEMS, description="how many, at most")]
-After = Annotated[str | None, Query(max_length=MAX_MARK, description="`next` of the page before")]
-Name = Annotated[str, Query(max_length=64, description="one of them alone")]
-ClassName = Annotated[str, Query(alias="class", max_length=MAX_LABEL, description="this class alone")]
+Limit = Annotated[int, Query(ge=1, le=MAX_ITEMS, description="maximum number of items")]
+After = Annotated[str | None, Query(max_length=MAX_MARK, description="`next` of the previous page")]
+Name = Annotated[str, Query(max_length=64, description="only this name")]
+ClassName = Annotated[str, Query(alias="class", max_length=MAX_LABEL, description="only this class")]
 
 
 def mark_of(place: Sequence[str | int]) -> str:
-    """Return a place in a list as text for a URL."""
+    """Return the cursor of a place in a list, as text for a URL."""
     return base64.urlsafe_b64encode(json.dumps(list(place), separators=(",", ":")).encode()).decode().rstrip("=")
 
 
 def place_of(mark: str, kinds: Sequence[type[str | int]]) -> tuple[Any, ...]:
-    """Return the place that a mark stands for.
+    """Return the place of a cursor.
 
     Raises:
         HTTPException: it is none of ours.
@@ -45,7 +45,7 @@ def place_of(mark: str, kinds: Sequence[type[str | int]]) -> tuple[Any, ...]:
         found = None
     fits = isinstance(found, list) and [type(each) for each in found] == list(kinds)
     if not fits or any(isinstance(each, int) and abs(each) >= MAX_INTEGER for each in found):
-        raise HTTPException(422, "after: give what `next` of the page before said")
+        raise HTTPException(422, "invalid `after`; use the `next` of the previous page")
     return tuple(found)
 
 
@@ -58,14 +58,14 @@ def page_of(
     *,
     wanted: Callable[[T], bool] = lambda _: True,
 ) -> tuple[list[T], str | None]:
-    """Return some of a list that is sorted by `place`, a tuple of `width` texts, and the mark for those that follow."""
+    """Return a page of a list sorted by `place`, a tuple of `width` texts, and the cursor of the next page."""
     begin = 0 if after is None else bisect_right(every, place_of(after, (str,) * width), key=place)
     found = list(islice((each for each in islice(every, begin, None) if wanted(each)), limit + 1))
     return first_of(found, place, limit)
 
 
 def first_of(found: list[T], place: Callable[[T], Sequence[str | int]], limit: int) -> tuple[list[T], str | None]:
-    """Return the first so many, and the mark for those that follow if there are more."""
+    """Return the first `limit` items, and the cursor of the next page if there are more."""
     return (found, None) if len(found) <= limit else (found[:limit], mark_of(place(found[limit - 1])))
 
 
@@ -73,7 +73,7 @@ MAX_SHOWN: Final = 80
 
 
 async def refuse_unknown(connection: HTTPConnection) -> None:
-    """Be a dependency of every route.
+    """Refuse unknown and repeated parameters; a dependency of every route.
 
     Raises:
         HTTPException: there is a parameter that the route does not have, or twice one of which it reads the last alone.
@@ -83,8 +83,8 @@ async def refuse_unknown(connection: HTTPConnection) -> None:
     for name in given:
         reason = ""
         if name not in known:
-            there = f"there are {', '.join(sorted(known))}" if known else "there are none here"
-            reason = f"{name[:MAX_SHOWN]!r} is not a parameter: {there}"
+            there = f"known are {', '.join(sorted(known))}" if known else "none is known here"
+            reason = f"unknown parameter {name[:MAX_SHOWN]!r}: {there}"
         elif len(given.getlist(name)) > 1 and not known[name]:
             reason = f"{name!r} is given more than once"
         if reason:
@@ -100,7 +100,7 @@ def _parameters(of: Dependant) -> Iterator[tuple[str, bool]]:
 
 
 def operator_of(request: Request, monitor: Monitor) -> str:
-    """Return the name of the operator who asks.
+    """Return the name of the operator who sends a request.
 
     Raises:
         HTTPException: it is none, or another monitor raises the alerts.

@@ -1,1 +1,1 @@
-"""Who may see and do what: users, roles, sessions and tokens."""
+"""Authentication and authorization: users, roles, sessions and tokens."""

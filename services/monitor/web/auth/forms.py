@@ -1,4 +1,4 @@
-"""The forms that people log in with: plain HTML, so that they work before anything else does. Pure."""
+"""The log-in forms: plain HTML, so that they work before anything else does. Pure."""
 
 from html import escape
 from typing import Final
@@ -27,7 +27,7 @@ button { margin-top: 1.5rem; border: 0; background: #1264a3; color: #fff; cursor
 
 
 def log_in_form(after: str, wrong: str = "") -> str:
-    """Return the form to log in. after: where to go then. wrong: what was not right."""
+    """Return the log-in form. after: where to go then. wrong: the error."""
     return _page(
         "Log in",
         wrong,
@@ -42,7 +42,7 @@ def log_in_form(after: str, wrong: str = "") -> str:
 
 
 def set_up_form(secret: str, wrong: str = "") -> str:
-    """Return the form to make the first user. secret: of the link."""
+    """Return the form for the first user. secret: from the link."""
     return _page(
         "Set up fleetsight",
         wrong,
@@ -61,7 +61,7 @@ def set_up_form(secret: str, wrong: str = "") -> str:
 
 
 def link_needed() -> str:
-    """Return what is said to somebody who comes before anybody was set up, without the link."""
+    """Return the page for visitors without the set-up link, before there is a user."""
     return _page(
         "Set up fleetsight",
         "",
@@ -70,7 +70,7 @@ def link_needed() -> str:
 
 
 def notice(title: str, text: str) -> str:
-    """Return what is said instead of a page."""
+    """Return a page that shows a message instead of the requested page."""
     return _page(title, "", f'<p>{escape(text)}</p><p><a href="/">To the fleet</a></p>')
 
 

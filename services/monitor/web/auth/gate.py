@@ -1,4 +1,4 @@
-"""What a request may do, by its method, path and headers. Pure."""
+"""Access decisions by a request's method, path and headers. Pure."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,30 +18,30 @@ API: Final = "/api/"
 PAGE_SOCKET: Final = "/_nicegui_ws/"
 
 OPEN: Final = frozenset({LOG_IN, SET_UP, HEALTH})
-"""What anybody gets to."""
+"""Paths that need no log-in."""
 
 MAX_BODY_BYTES: Final = 64 * 1024
 MAX_PAGE_BODY_BYTES: Final = 1024 * 1024
-"""Of what the page's own script posts where a browser cannot open a WebSocket."""
+"""Limit of posts by the page's own script where a browser cannot open a WebSocket."""
 
 
 class Verdict(Enum):
-    """What becomes of a request."""
+    """The decision on a request."""
 
     PASS = auto()
     MISDIRECTED = auto()
-    """It is for a host that we are not: somebody's name for our address, that a page of theirs would be let in by."""
+    """The host is not ours: a foreign name that resolves to our address would let its own pages in."""
     FOREIGN = auto()
     """It comes from another site's page."""
     UNKNOWN = auto()
-    """Whoever sends it is not logged in."""
+    """The sender is not logged in."""
     NOT_ALLOWED = auto()
-    """Whoever sends it may look, not act."""
+    """The sender may read, but not act."""
 
 
 @dataclass(frozen=True, slots=True)
 class RequestInfo:
-    """A request as far as it says what it may do. method: of a WebSocket it is empty. query: of its URL, as it came."""
+    """The parts of a request that decide about access. method: empty for a WebSocket. query: of its URL, raw."""
 
     method: str
     path: str
@@ -50,18 +50,18 @@ class RequestInfo:
 
     @property
     def is_socket(self) -> bool:
-        """Whether it opens a WebSocket."""
+        """Whether the request opens a WebSocket."""
         return not self.method
 
     @property
     def for_program(self) -> bool:
-        """Whether an error is to be said in a program's words."""
+        """Whether errors are sent as JSON."""
         return self.path.startswith((API, PAGE_SOCKET)) or self.path == METRICS
 
 
 @dataclass(frozen=True, slots=True)
 class ServedAt:
-    """Where we are served. origin: where a proxy serves us, like https://fleet.example, or empty.
+    """Our own address. origin: that of a proxy in front, like https://fleet.example, or empty.
 
     hosts: what we are called, without ports; any name if it is empty. open_metrics: anybody may read them.
     """
@@ -72,12 +72,12 @@ class ServedAt:
 
 
 def judge(asking: RequestInfo, visitor: Visitor | None, *, by: Kind | None, place: ServedAt) -> Verdict:
-    """Return what becomes of a request. by: what the visitor is known by."""
+    """Return the decision on a request. by: the visitor's kind of credential."""
     if place.hosts and _host_of(asking.headers) not in place.hosts:
         return Verdict.MISDIRECTED
     harmless = asking.method in SAFE
     known = visitor is not None and visitor.may_look
-    abusable = known or asking.path in OPEN  # else it is refused anyhow: as a stranger's, whose token may be missing
+    abusable = known or asking.path in OPEN  # else refused below as not logged in: its token may be missing
     if not _is_ours(asking.headers, place.origin, needed=abusable and not harmless and by is not Kind.TOKEN):
         return Verdict.FOREIGN
     if asking.path in OPEN or (place.open_metrics and asking.path == METRICS):
@@ -89,12 +89,12 @@ def judge(asking: RequestInfo, visitor: Visitor | None, *, by: Kind | None, plac
 
 
 def body_limit(path: str) -> int:
-    """Return how many bytes a request to a path may have."""
+    """Return the maximum size of a request's body for a path, in bytes."""
     return MAX_PAGE_BODY_BYTES if path.startswith(PAGE_SOCKET) else MAX_BODY_BYTES
 
 
 def local_path(asked: str) -> str:
-    """Return where to go after log-in: what was asked for if it is a place of ours, else the beginning."""
+    """Return where to go after log-in: the requested path if it is ours, else the start page."""
     plain = asked.isascii() and asked.isprintable() and "\\" not in asked and len(asked) <= 1_000
     return asked if plain and asked.startswith("/") and not asked.startswith("//") else "/"
 

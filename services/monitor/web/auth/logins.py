@@ -1,4 +1,4 @@
-"""Who is logged in. It is known in memory, so that a database that is gone locks nobody out."""
+"""The logged-in users, kept in memory too, so that a missing database locks nobody out."""
 
 import asyncio
 import hmac
@@ -30,17 +30,17 @@ from services.monitor.web.auth.users import (
 log = logging.getLogger(__name__)
 
 LOOK_S: Final = 2.0
-"""How often it is looked what others changed: another monitor, or `fleetsight users`."""
+"""Seconds between reads of changes by another monitor, or `fleetsight users`."""
 
 END_S: Final = 1.0
-"""How long the last write may take."""
+"""Seconds allowed for the last write."""
 
 PROLONG_SHARE: Final = 0.1
-"""Of a session's time, that must have passed before its end is moved."""
+"""Share of a session's time after which its end is moved."""
 
 
 class AccessError(Exception):
-    """Somebody is not let in; the message says why. wait_s: when to try again, 0 where that does not help."""
+    """Access is refused; the message says why. wait_s: when to try again, 0 if that does not help."""
 
     def __init__(self, reason: str, wait_s: float = 0.0) -> None:
         super().__init__(reason)
@@ -48,7 +48,7 @@ class AccessError(Exception):
 
 
 class Access:
-    """Users, sessions and tokens. problem: why the users cannot be read or sessions not be kept, or empty.
+    """Users, sessions and tokens. problem: why users cannot be read or sessions not be saved, or empty.
 
     url: where people reach us, for the link that the first user is made with.
     """
@@ -73,7 +73,7 @@ class Access:
 
     @property
     def needs_setup(self) -> bool:
-        """Whether it is known that there are no users yet."""
+        """Whether it is certain that there are no users yet."""
         return self._users is not None and not self._users and not self._store.left_out
 
     @property
@@ -82,7 +82,7 @@ class Access:
         return f"{self._url}{SET_UP}?token={self._setup_secret}" if self.needs_setup else ""
 
     async def run(self) -> None:
-        """Stay up to date with the database, for ever; what was not written yet is written at the end."""
+        """Stay in sync with the database until cancelled; pending changes are written at the end."""
         try:
             while True:
                 await self.look()
@@ -93,7 +93,7 @@ class Access:
                     await self._write()
 
     async def look(self) -> None:
-        """Write what changed here and read what others changed."""
+        """Write local changes and read those of others."""
         async with self._looking:
             self.problem = await self._write() or await self._read()
 
@@ -106,7 +106,7 @@ class Access:
             await self._store.keep(made.values(), prolonged.values(), ended, self._now_ns())
         except HistoryError as error:
             await self._read()
-            return self._wrong("log-ins are not being kept", error)
+            return self._wrong("log-ins are not being saved", error)
         self._made = {digest: login for digest, login in self._made.items() if digest not in made}
         self._prolonged = {digest: login for digest, login in self._prolonged.items() if prolonged.get(digest) != login}
         self._ended -= ended
@@ -146,13 +146,13 @@ class Access:
             raise AccessError(str(error), LOOK_S) from error
         if user is None or not is_right:
             log.warning("log-in of %s from %s failed", name[:64], address)
-            raise AccessError("this name and password do not go together")
+            raise AccessError("wrong name or password")
         self._limit.succeeded(address, name)
         log.info("%s logged in from %s", name, address)
         return self._open(user)
 
     async def set_up(self, secret: str, name: str, password: str, address: str) -> str:
-        """Make the first user, an operator; return the secret of a session.
+        """Create the first user, an operator; return the secret of a session.
 
         Raises:
             AccessError: the secret is not that of the link, there are users already, or name or password will not do.
@@ -160,7 +160,7 @@ class Access:
         self._hold_back(address, "")
         if not hmac.compare_digest(secret.encode("utf-8", "replace"), self._setup_secret.encode()):
             self._limit.failed(address, "", time.monotonic())
-            raise AccessError("this is not the link that the monitor shows; look at its terminal or log")
+            raise AccessError("invalid set-up link; use the one in the monitor's terminal or log")
         if wrong := mistake_in_name(name) or mistake_in(password):
             raise AccessError(wrong)
         try:
@@ -168,7 +168,7 @@ class Access:
             if not await self._store.add(user, first=True):
                 raise AccessError("the first user has been made already: log in, or have an operator make you one")
         except (HistoryError, BusyError) as error:
-            raise AccessError(f"the user cannot be kept: {error}", LOOK_S) from error
+            raise AccessError(f"the user cannot be saved: {error}", LOOK_S) from error
         self._setup_secret = secrets.token_urlsafe(16)
         await self.look()
         log.info("%s is the first user, set up from %s", name, address)
@@ -181,7 +181,7 @@ class Access:
             self._end(digest)
 
     def visitor(self, secret: str, kind: Kind) -> Visitor | None:
-        """Return whose session or token it is, if it is good; a session's end moves on."""
+        """Return the visitor of a valid session or token; a session's end moves on."""
         digest = digest_of(secret)
         login = self._login(digest, kind)
         if login is None or self._role(digest, kind) is None:
@@ -228,7 +228,7 @@ class Access:
     def _hold_back(self, address: str, name: str) -> None:
         wait_s = self._limit.wait_s(address, name, time.monotonic())
         if wait_s:
-            raise AccessError("too many tries that were not right; wait some minutes", wait_s)
+            raise AccessError("too many failed attempts; wait some minutes", wait_s)
 
     def _wrong(self, what: str, error: HistoryError) -> str:
         if not self.problem.startswith(what):

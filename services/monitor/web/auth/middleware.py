@@ -1,4 +1,4 @@
-"""What every request passes first: who sends it, whether they may, and how much of it there may be."""
+"""The access middleware: identifies senders, checks permissions and limits request bodies."""
 
 import asyncio
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ PAGE_POLICY: Final = (
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; worker-src 'self' blob:; "
     "object-src 'none'; base-uri 'self'; form-action 'self'; frame-ancestors 'none'"
 )
-"""Nothing comes from anywhere but us."""
+"""Browsers load content from this server only."""
 
 FORM_POLICY: Final = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'self'; "
@@ -42,7 +42,7 @@ DEFAULTS: Final = {
 
 
 def with_headers(send: Send) -> Send:
-    """Return what sends a response with DEFAULTS where it says nothing else."""
+    """Return a `send` that adds the DEFAULTS missing from a response."""
 
     async def sending(message: Message) -> None:
         if message["type"] in ("http.response.start", "websocket.http.response.start"):
@@ -57,19 +57,19 @@ def with_headers(send: Send) -> Send:
 BEARER: Final = "bearer "
 MAX_SECRET: Final = 256
 LOOK_S: Final = 2.0
-"""How soon a WebSocket ends after its visitor was logged out."""
+"""Seconds within which a WebSocket ends after its visitor was logged out."""
 
 BODY_S: Final = 30.0
-"""How long all of a request may take to arrive: who is not known yet could else keep a connection for ever."""
+"""Seconds allowed for a whole request: strangers could otherwise keep a connection for ever."""
 
 GONE_S: Final = 10.0
-"""Who takes nothing of what a WebSocket sends for so long has gone: what is sent would pile up in memory."""
+"""Seconds after which a WebSocket client that takes no data counts as gone: its data would fill memory."""
 
 POLICY_VIOLATION: Final = 1008
 
 
 class AccessMiddleware:
-    """Lets through who may, marked with who they are; ends WebSockets of who may no longer."""
+    """Passes on permitted requests with their visitor; ends WebSockets of visitors without permission."""
 
     def __init__(
         self,
@@ -109,7 +109,7 @@ class AccessMiddleware:
             await self.app(scope, _bounded(receive, limit, self._body_s), send)
 
     def _known(self, headers: Mapping[str, str]) -> tuple[Visitor | None, Kind | None]:
-        """Return who sends a request and what they are known by; a token, where there is one, counts alone."""
+        """Return a request's sender and kind of credential; if there is a token, only it counts."""
         given = headers.get("authorization", "")
         if given:
             token = given[len(BEARER) :].strip() if given[: len(BEARER)].lower() == BEARER else ""
@@ -120,7 +120,7 @@ class AccessMiddleware:
     def _refusal(self, asking: RequestInfo, verdict: Verdict) -> Response:
         match verdict:
             case Verdict.MISDIRECTED:
-                return problem(421, "the monitor is not called so; --web-url says what else it is called")
+                return problem(421, "unknown host name; set --web-url")
             case Verdict.FOREIGN:
                 return problem(403, "this request does not come from a page of this monitor")
             case Verdict.NOT_ALLOWED:
@@ -141,7 +141,7 @@ class AccessMiddleware:
 
 
 class _Watched:
-    """A WebSocket that ends when its visitor may look no longer, or takes nothing of what is sent."""
+    """A WebSocket that ends when its visitor loses permission, or takes no data."""
 
     def __init__(self, visitor: Visitor, receive: Receive, send: Send, gone_s: float) -> None:
         self._visitor = visitor
@@ -152,7 +152,7 @@ class _Watched:
         self._next: asyncio.Future[Message] | None = None
 
     async def receive(self) -> Message:
-        """Return what comes next."""
+        """Return the next message."""
         self._next = self._next or asyncio.ensure_future(self._receive())
         while self._visitor.may_look and not self._is_gone:
             await asyncio.wait([self._next], timeout=LOOK_S)
@@ -164,7 +164,7 @@ class _Watched:
         return {"type": "websocket.disconnect", "code": POLICY_VIOLATION}
 
     async def send(self, message: Message) -> None:
-        """Send; nothing more after the first message that is not taken in time, which raises TimeoutError."""
+        """Send a message; after the first one that is not taken in time, raise TimeoutError."""
         if self._is_gone:
             return
         try:
@@ -175,13 +175,13 @@ class _Watched:
             raise
 
     def end(self) -> None:
-        """Wait for nothing more."""
+        """Stop waiting."""
         if self._next is not None:
             self._next.cancel()
 
 
 def _bounded(receive: Receive, limit: int, within_s: float) -> Receive:
-    """Return what receives a request's body, of so many bytes and seconds at most, and then its end."""
+    """Return a `receive` for a request's body, limited in bytes and seconds, that then reports its end."""
     left, until_s = limit, asyncio.get_running_loop().time() + within_s
     whole = False
 
@@ -212,7 +212,7 @@ def _asking(scope: Scope) -> RequestInfo:
     headers: dict[str, str] = {}
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
-        between = "; " if name == "cookie" else ", "  # one that is there twice is no longer what it should be
+        between = "; " if name == "cookie" else ", "  # a repeated header becomes one invalid value
         headers[name] = f"{headers[name]}{between}{value}" if name in headers else value
     return RequestInfo(
         scope.get("method", ""), scope["path"], headers, scope.get("query_string", b"").decode("latin-1")

@@ -1,4 +1,4 @@
-"""Passwords as argon2 hashes, made and checked on a thread, one at a time: each costs tens of milliseconds."""
+"""Password hashes (argon2), computed on a thread, one at a time: each costs tens of milliseconds."""
 
 import asyncio
 import ipaddress
@@ -13,7 +13,7 @@ MAX_LENGTH: Final = 256
 
 MEMORY_KIB: Final = 19 * 1024
 ITERATIONS: Final = 2
-"""With MEMORY_KIB what OWASP asks of argon2id at least; more would let strangers load the monitor."""
+"""With MEMORY_KIB, OWASP's minimum for argon2id; more would let strangers overload the monitor."""
 
 MAX_WAITING: Final = 16
 
@@ -32,7 +32,7 @@ class Passwords:
         self._nobodys = ""
 
     async def hash(self, password: str) -> str:
-        """Return the hash of a password, with its salt.
+        """Return the salted hash of a password.
 
         Raises:
             BusyError: too many wait already.
@@ -40,7 +40,7 @@ class Passwords:
         return await self._in_turn(password, None)
 
     async def check(self, hashed: str | None, password: str) -> bool:
-        """Return whether a hash is the password's; it takes as long where there is none.
+        """Return whether a hash matches the password; it takes as long without a hash.
 
         Raises:
             BusyError: too many wait already.
@@ -49,7 +49,7 @@ class Passwords:
 
     async def _in_turn(self, password: str, hashed: str | None) -> str:
         if self._waiting >= MAX_WAITING:
-            raise BusyError("too many people log in at the same time")
+            raise BusyError("too many people are logging in; try again later")
         self._waiting += 1
         try:
             async with self._turn:
@@ -70,7 +70,7 @@ class Passwords:
 
 
 def mistake_in(password: str) -> str:
-    """Return what is wrong with a new password, or nothing."""
+    """Return why a new password is refused, or nothing."""
     if not MIN_LENGTH <= len(password) <= MAX_LENGTH:
         return f"a password has {MIN_LENGTH} to {MAX_LENGTH} characters"
     try:
@@ -91,22 +91,22 @@ MAX_OF_ADDRESS: Final = 30
 
 MAX_KEYS: Final = 10_000
 MAX_NAME: Final = 64
-"""Characters of a name that are remembered: it is anybody's."""
+"""Characters of a name that are remembered: names are arbitrary."""
 
 
 class FailureLimit:
-    """Counts failures by address, and by address and name; nobody can lock somebody out who is elsewhere."""
+    """Counts failures by address, and by address and name; failures elsewhere lock nobody out."""
 
     def __init__(self) -> None:
         self._failures: OrderedDict[tuple[str, ...], deque[float]] = OrderedDict()
 
     def wait_s(self, address: str, name: str, now_s: float) -> float:
-        """Return how long it takes until the next try is allowed; 0 when it is."""
+        """Return the seconds until the next attempt is allowed; 0 if it is allowed now."""
         every, own = _keys(address, name)
         return max(self._wait_s(every, MAX_OF_ADDRESS, now_s), self._wait_s(own, MAX_OF_NAME, now_s))
 
     def failed(self, address: str, name: str, now_s: float) -> None:
-        """Count a failure; to be called before the password is looked at, so that many at once count too."""
+        """Count a failure; call it before checking the password, so that concurrent attempts count too."""
         for key, most in zip(_keys(address, name), (MAX_OF_ADDRESS, MAX_OF_NAME), strict=True):
             self._failures.setdefault(key, deque(maxlen=most)).append(now_s)
             self._failures.move_to_end(key)
@@ -114,12 +114,12 @@ class FailureLimit:
             self._failures.popitem(last=False)
 
     def succeeded(self, address: str, name: str) -> None:
-        """Take back what was counted before a password that turned out right."""
+        """Take back the failure counted before a correct password."""
         self.unknown(address, name)
         self._failures.pop(_keys(address, name)[1], None)
 
     def unknown(self, address: str, name: str) -> None:
-        """Take back one that was counted before a password that nobody had the time to look at."""
+        """Take back the failure counted before a password that could not be checked in time."""
         for key in _keys(address, name):
             if times := self._failures.get(key):
                 times.pop()
@@ -135,7 +135,7 @@ def _keys(address: str, name: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def network_of(address: str) -> str:
-    """Return whom an address counts for: itself, or of IPv6 the network that one subscriber has."""
+    """Return the network that an address counts for: the address itself, or a subscriber's IPv6 network."""
     try:
         found = ipaddress.ip_address(address)
     except ValueError:

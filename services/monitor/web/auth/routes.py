@@ -1,4 +1,4 @@
-"""Log in, log out, and set up the first user."""
+"""Log-in, log-out, and set-up of the first user."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -14,11 +14,11 @@ from services.monitor.web.auth.middleware import FORM_POLICY
 
 MAX_FIELDS: Final = 8
 COOKIE_S: Final = 365 * 86_400
-"""How long a browser keeps its cookie; the session may end before."""
+"""Seconds for which a browser keeps its cookie; the session may end earlier."""
 
 
 def access_routes(access: Access, *, cookie: str, secure: bool) -> APIRouter:
-    """Return the routes. secure: the browser is to send its cookie over HTTPS alone."""
+    """Return the routes. secure: browsers send the cookie over HTTPS only."""
     router = APIRouter(include_in_schema=False)
     _add_log_in(router, access, Cookie(cookie, secure))
     _add_set_up(router, access, Cookie(cookie, secure))
@@ -27,19 +27,19 @@ def access_routes(access: Access, *, cookie: str, secure: bool) -> APIRouter:
 
 @dataclass(frozen=True, slots=True)
 class Cookie:
-    """What a browser shows us. secure: over HTTPS alone."""
+    """The session cookie. secure: over HTTPS only."""
 
     name: str
     secure: bool
 
     def given(self, secret: str, to: str) -> Response:
-        """Return an answer that gives it to a browser, and sends it somewhere."""
+        """Return a redirect that sets the cookie."""
         response = RedirectResponse(to, 303)
         response.set_cookie(self.name, secret, COOKIE_S, secure=self.secure, httponly=True, samesite="lax")
         return response
 
     def taken(self) -> Response:
-        """Return an answer that takes it from a browser."""
+        """Return a redirect that deletes the cookie."""
         response = RedirectResponse(LOG_IN, 303)
         response.delete_cookie(self.name, secure=self.secure, httponly=True, samesite="lax")
         return response
@@ -60,7 +60,7 @@ def _add_log_in(router: APIRouter, access: Access, cookie: Cookie) -> None:
             secret = await access.log_in(given.get("name", ""), given.get("password", ""), _address(request))
         except AccessError as error:
             return _form(log_in_form(after, str(error)), error)
-        access.log_out(request.cookies.get(cookie.name, ""))  # whoever was logged in here is not any more
+        access.log_out(request.cookies.get(cookie.name, ""))  # ends the browser's earlier session
         return cookie.given(secret, after)
 
     @router.post(LOG_OUT)

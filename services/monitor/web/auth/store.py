@@ -1,4 +1,4 @@
-"""Users, sessions and tokens in the database of the history, or in one of their own where no history is kept."""
+"""Stores users, sessions and tokens in the history's database, or in their own if no history is kept."""
 
 import logging
 from collections.abc import AsyncIterator, Iterable
@@ -24,14 +24,14 @@ MAX_LOADED: Final = MAX_USERS * MAX_LOGINS
 
 
 def users_url(history: str) -> str:
-    """Return the database of the users where history is kept there."""
+    """Return the URL of the users' database for a history."""
     if history != NONE:
         return history
     return f"sqlite:///{default_state() / 'users.db'}"
 
 
 class UserStore:
-    """The users of a database. Every method raises HistoryError when it cannot be had.
+    """The users of a database. Every method raises HistoryError if it is unavailable.
 
     create: make it where there is none; one that was there once is waited for, a new one would let nobody in.
     left_out: the users that were there at the last reading and are of a newer version: their role is not known here.
@@ -44,14 +44,14 @@ class UserStore:
         self._warned: set[str] = set()
 
     async def users(self) -> list[User]:
-        """Return everybody, by name."""
+        """Return all users, by name."""
         async with self._connected() as connection:
             found, unknown = await self._users(connection)
         self._warn(unknown)
         return found
 
     async def load(self, now_ns: int) -> tuple[list[User], list[Login]]:
-        """Return everybody, and the sessions and tokens that are good now."""
+        """Return all users, and the valid sessions and tokens."""
         async with self._connected() as connection:
             query = logins.select().where(logins.c.until_ns > now_ns).order_by(logins.c.until_ns.desc())
             rows = (await connection.execute(query.limit(MAX_LOADED))).all()
@@ -60,7 +60,7 @@ class UserStore:
         return found, [login for row in rows if (login := _login(row)) is not None]
 
     async def add(self, user: User, *, first: bool = False) -> bool:
-        """Add somebody; return False if the name is taken or, for the first one, anybody is there."""
+        """Add a user; return False if the name is taken or, for the first user, if there is any."""
         async with self._connected() as connection:
             await connection.run_sync(begin_alone)
             there = select(func.count()).select_from(users)
@@ -72,7 +72,7 @@ class UserStore:
         return True
 
     async def change(self, user: User) -> bool:
-        """Give somebody another password or role, and end their sessions and tokens; return False if nobody is it."""
+        """Change a user's password or role, and end their sessions and tokens; return False if the user is unknown."""
         async with self._connected() as connection:
             found = await connection.execute(users.update().where(users.c.name == user.name).values(asdict(user)))
             await connection.execute(delete(logins).where(logins.c.user == user.name))
@@ -80,7 +80,7 @@ class UserStore:
             return bool(found.rowcount)
 
     async def remove(self, name: str) -> bool:
-        """Remove somebody, and end their sessions and tokens; return False if nobody is it."""
+        """Remove a user, and end their sessions and tokens; return False if there is no such user."""
         async with self._connected() as connection:
             found = await connection.execute(delete(users).where(users.c.name == name))
             await connection.execute(delete(logins).where(logins.c.user == name))
@@ -88,11 +88,11 @@ class UserStore:
             return bool(found.rowcount)
 
     async def keep(self, made: Iterable[Login], prolonged: Iterable[Login], ended: Iterable[str], now_ns: int) -> None:
-        """Write new sessions and tokens and later ends of those that are there; forget those that ended."""
+        """Write new sessions and tokens and extended ends; delete ended ones."""
         async with self._connected() as connection:
             await connection.execute(delete(logins).where(logins.c.until_ns <= now_ns))
             rows = [asdict(login) for login in made]
-            for digest in [*ended, *(row["digest"] for row in rows)]:  # the last write may have been done after all
+            for digest in [*ended, *(row["digest"] for row in rows)]:  # the last write may have succeeded after all
                 await connection.execute(delete(logins).where(logins.c.digest == digest))
             for login in prolonged:
                 later = logins.update().where(logins.c.digest == login.digest)
@@ -102,7 +102,7 @@ class UserStore:
             await connection.commit()
 
     async def _users(self, connection: AsyncConnection) -> tuple[list[User], set[str]]:
-        """Return the users that are known here, and about the others what is to be warned of."""
+        """Return the users with known roles, and warnings about the others."""
         rows = (await connection.execute(users.select().order_by(users.c.name).limit(MAX_USERS))).all()
         others = [row for row in rows if _member(Role, row.role) is None]
         self.left_out = {row.name for row in others}

@@ -1,4 +1,4 @@
-"""Users, and the sessions and tokens by which they are known."""
+"""Users, with their sessions and tokens."""
 
 import hashlib
 import re
@@ -11,11 +11,11 @@ from typing import Final
 from starlette.requests import HTTPConnection
 
 STATE: Final = "fleetsight.visitor"
-"""Where the access middleware puts the visitor in a request's scope."""
+"""The key of the visitor in a request's scope, set by the access middleware."""
 
 
 class Role(StrEnum):
-    """What a user may do: look, or act too."""
+    """A user's role: read only, or act too."""
 
     VIEWER = "viewer"
     OPERATOR = "operator"
@@ -23,7 +23,7 @@ class Role(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Visitor:
-    """A user who is logged in. What they may do is asked anew each time: roles change and sessions end meanwhile."""
+    """A user who is logged in. Permissions are checked each time: roles change and sessions end meanwhile."""
 
     name: str
     _role: Callable[[], Role | None] = field(repr=False)
@@ -31,44 +31,44 @@ class Visitor:
 
     @property
     def role(self) -> Role | None:
-        """Their role now; None once they are logged out or no user any more."""
+        """The current role; None once the user is logged out or removed."""
         return self._role()
 
     def stay(self) -> None:
-        """Have their session go on though they ask for nothing, as before a screen that shows everything by itself."""
+        """Extend the session without a request, as for a screen that shows everything by itself."""
         self._use()
 
     @property
     def may_look(self) -> bool:
-        """Whether they may still see anything."""
+        """Whether the visitor may still read."""
         return self.role is not None
 
     @property
     def may_act(self) -> bool:
-        """Whether they may do something about alerts and robots."""
+        """Whether the visitor may act on alerts and robots."""
         return self.role is Role.OPERATOR
 
 
 def visitor_of(request: HTTPConnection) -> Visitor:
-    """Return who a request, or a WebSocket, comes from; to be used where the access middleware let it through."""
+    """Return the visitor of a request or WebSocket that the access middleware has passed."""
     visitor = request.scope[STATE]
     assert isinstance(visitor, Visitor), "only the middleware puts something there"  # noqa: S101 - for the type
     return visitor
 
 
 USER_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+'@\-]{0,63}")
-"""E-mail addresses are names too."""
+"""Allows e-mail addresses."""
 
 MAX_USERS: Final = 1_000
 MAX_LOGINS: Final = 100
-"""Of one user; the one that ends first makes room."""
+"""Maximum number per user; the one that ends first is removed."""
 
 TOKEN_BEGIN: Final = "fleetsight_"  # noqa: S105 - none
-"""So that whoever finds a token somewhere knows what it is for."""
+"""A prefix that identifies a token wherever it is found."""
 
 
 class Kind(StrEnum):
-    """What somebody is known by: a browser's session, or a program's token."""
+    """The kind of a credential: a browser's session, or a program's token."""
 
     SESSION = "session"
     TOKEN = "token"  # noqa: S105 - none
@@ -76,7 +76,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class User:
-    """Somebody who may log in. password: its argon2 hash. changed_ns: which version of them this is."""
+    """A user. password: argon2 hash. changed_ns: the user's version."""
 
     name: str
     role: Role
@@ -86,7 +86,7 @@ class User:
 
 @dataclass(frozen=True, slots=True)
 class Login:
-    """A session or token that is good until then, or until its user is changed.
+    """A session or token that is valid until then, or until its user is changed.
 
     digest: of what the browser or program shows, which itself is kept nowhere. user_ns: when its user was changed last.
     """
@@ -99,17 +99,17 @@ class Login:
 
 
 def new_secret(kind: Kind) -> str:
-    """Return what a browser or program is to show from now on."""
+    """Return a new secret for a browser or program."""
     return (TOKEN_BEGIN if kind is Kind.TOKEN else "") + secrets.token_urlsafe(32)
 
 
 def digest_of(secret: str) -> str:
-    """Return what is kept of a secret; one of 256 random bits needs neither salt nor slowness."""
+    """Return the stored digest of a secret; with 256 random bits it needs neither salt nor a slow hash."""
     return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def mistake_in_name(name: str) -> str:
-    """Return what is wrong with a user's name, or nothing."""
+    """Return why a user's name is refused, or nothing."""
     if USER_NAME.fullmatch(name):
         return ""
     return (

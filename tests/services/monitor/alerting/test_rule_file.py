@@ -20,7 +20,7 @@ async def test_a_file_that_cannot_be_used_at_the_start_is_named(tmp_path: Path) 
     for name, text, reason in (
         ("none", None, "No such file or directory"),
         ("bad", "rules: 1\n", "line 1: rules"),
-        ("empty", "", "line 1: nothing is in it"),
+        ("empty", "", "line 1: the file is empty"),
     ):
         path = tmp_path / f"{name}.yaml"
         if text is not None:
@@ -78,7 +78,7 @@ async def test_a_file_that_was_emptied_puts_no_rules_out_of_force(tmp_path: Path
     await file.look(path)
     assert [rule.name for rule in file.book.rules] == ["a"]
     assert file.problem.startswith(
-        f"{path}: line 1: nothing is in it; to have no rules, write `rules: []`; the rules stay"
+        f"{path}: line 1: the file is empty; to have no rules, write `rules: []`; the rules stay"
     )
     written(path, "rules: []\n")
     await file.look(path)

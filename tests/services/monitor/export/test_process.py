@@ -245,5 +245,5 @@ async def test_postgresql_is_not_compacted() -> None:
 def test_an_export_needs_a_file_and_nothing_else_takes_one() -> None:
     with pytest.raises(ValidationError, match="export needs --to"):
         ExportSettings(task="export")
-    with pytest.raises(ValidationError, match="compact takes --history alone, and was given --to"):
+    with pytest.raises(ValidationError, match="compact takes only --history, not --to"):
         ExportSettings(task="compact", to=Path("seen.csv"))

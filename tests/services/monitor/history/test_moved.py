@@ -78,7 +78,7 @@ async def test_a_file_that_was_moved_and_is_back_has_what_came_meanwhile(
         monitor.see(2, box=2)
         late = await access.log_in("viewer", PASSWORD, "a")
         await access.look()
-        assert access.problem.startswith("log-ins are not being kept: ")
+        assert access.problem.startswith("log-ins are not being saved: ")
         move(aside.iterdir(), folder)
         await until(monitor.written)
         await access.look()

@@ -138,7 +138,7 @@ async def test_too_many_views_are_refused_with_a_reason() -> None:
     async with shown(browser) as (overlays, _):
         await MjpegStreams(overlays)(scope(camera="rear"), second.receive, second.send)
         assert second.got[0]["status"] == 503
-        assert second.got[1]["body"].startswith(b"1 are looked at already")
+        assert second.got[1]["body"].startswith(b"1 are already open")
 
 
 @pytest.mark.parametrize(

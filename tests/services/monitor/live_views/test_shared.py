@@ -63,7 +63,7 @@ async def test_a_viewer_that_is_cancelled_leaves() -> None:
 async def test_no_more_than_so_many_are_held_at_once() -> None:
     shared = Shared[str, list[str]](lambda _: [], Following(), most=1)
     async with shared.hold("a"), shared.hold("a"):
-        with pytest.raises(CrowdedError, match="1 are looked at already"):
+        with pytest.raises(CrowdedError, match="1 are already open"):
             async with shared.hold("b"):
                 pass
     async with shared.hold("b"):

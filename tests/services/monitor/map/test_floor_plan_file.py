@@ -133,7 +133,7 @@ def test_what_is_no_map_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     (tmp_path / "map.pgm").unlink()
     assert refusal(file) == "map.pgm: No such file or directory"
     (tmp_path / "map.pgm").write_bytes(b"no image")
-    assert refusal(file) == "map.pgm: no image of a map; one is PGM or PNG"
+    assert refusal(file) == "map.pgm: not a map image; use PGM or PNG"
     (tmp_path / "map.pgm").write_bytes(b"P5\n6 5\n255\n" + bytes(29))
     assert refusal(file).startswith("map.pgm: ")
     (tmp_path / "list.yaml").write_text("- map.pgm\n", encoding="utf-8")

@@ -13,13 +13,13 @@ def test_what_is_in_view_is_grey_when_it_is_not_of_now() -> None:
     assert "fs-stale" not in rows([sighting()], NOW, available=True)
     assert "fs-stale" in rows([sighting()], NOW, available=False)
     told = rows([sighting()], NOW, available=True)
-    assert all(each in told for each in ("2.00 m", "88% sure, came 5 s ago", ">2<", ">box<"))
+    assert all(each in told for each in ("2.00 m", "88% sure, appeared 5 s ago", ">2<", ">box<"))
     assert " m<" not in rows([sighting(nearest_m=None)], NOW, available=True)
 
 
 def test_nothing_is_told_from_what_is_not_known() -> None:
     assert "Nothing" in rows([], NOW, available=True)
-    assert "Not known" in rows([], NOW, available=False)
+    assert "Unknown" in rows([], NOW, available=False)
 
 
 def test_what_was_counted_in_a_frame_is_told_and_what_is_not_known_is_not_nothing() -> None:
@@ -27,7 +27,7 @@ def test_what_was_counted_in_a_frame_is_told_and_what_is_not_known_is_not_nothin
     assert "<b>2</b>box" in told
     assert "<img" not in told
     assert "Nothing" in counted_in(seen(8, {}))
-    assert "Not known" in counted_in(None)
+    assert "Unknown" in counted_in(None)
 
 
 def test_names_are_text() -> None:

@@ -80,12 +80,12 @@ async def test_history_that_does_not_tell_who_was_there_says_so(
     url = f"sqlite:///{tmp_path}/history.db"
     await written(url, list(HISTORY), 70)
     assert (await printed(tmp_path, BOTH, capsys))[1:] == [
-        "silent, disagree: not tried: who was there and what models disagreed about was not kept"
+        "silent, disagree: not tried: the history has no presence or disagreements"
     ]
     await written(url, [there(65, 65, "", is_open=True)], 90)
     note = (await printed(tmp_path, BOTH, capsys))[1]
     assert note.startswith("silent, disagree: tried from 1970-01-01T0")
-    assert note.endswith(" on: before, who was there and what models disagreed about was not kept")
+    assert note.endswith(" on: before, the history has no presence or disagreements")
     assert len(await printed(tmp_path, BOTH, capsys, since="1970-01-01T00:01:06Z")) == 1
     assert (await printed(tmp_path, BOTH.replace("disagree", "silent"), capsys))[1] == note
     assert len(await printed(tmp_path, "rules: [{name: many, when: over, class: box, count: 9}]", capsys)) == 1
@@ -109,7 +109,7 @@ async def test_the_command_prints_what_would_have_been_raised(
     with pytest.raises(RuleFileError, match=r"rules\.yaml: line 1: rule 1: count"):
         await run(RulesSettings(task="test", file=file, history=url))
     file.write_text("", encoding="utf-8")
-    with pytest.raises(RuleFileError, match=r"rules\.yaml: line 1: nothing is in it"):
+    with pytest.raises(RuleFileError, match=r"rules\.yaml: line 1: the file is empty"):
         await run(RulesSettings(task="test", file=file, history=url))
     with pytest.raises(RuleFileError, match=r"none\.yaml: No such file"):
         await run(RulesSettings(task="test", file=tmp_path / "none.yaml", history=url))

@@ -53,7 +53,7 @@ def test_what_an_actions_payload_has_in_braces_and_is_not_filled_in_is_remarked(
     def of(payload: str) -> list[str]:
         return said({"when": "silent", "name": "lost", "action": {"name": "stop", "payload": payload}})
 
-    told = "stays in its payload as it is: {robot}, {camera} and {class} are filled in"
+    told = "in its payload is unknown and sent as it is: only {robot}, {camera} and {class} are filled in"
     assert of("{class} at {robot}/{camera} {nope}") == [f"rule 'lost': '{{nope}}' {told}"]
     assert of("{Robot} { camera } {nope} {nope}") == [
         f"rule 'lost': '{each}' {told}" for each in ("{Robot}", "{ camera }", "{nope}")

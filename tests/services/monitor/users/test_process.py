@@ -166,7 +166,7 @@ async def test_a_user_of_a_newer_version_can_be_removed_and_nothing_else(
 
 @pytest.mark.parametrize("task", ["token", "remove", "list"])
 def test_a_role_is_only_taken_where_it_is_given_to_somebody(task: str) -> None:
-    with pytest.raises(ValidationError, match="only add and reset take a role"):
+    with pytest.raises(ValidationError, match="only add and reset do"):
         UsersSettings.model_validate({"task": task, "name": "ann", "role": "viewer"})
 
 

@@ -12,14 +12,14 @@ def test_a_port_that_is_taken_is_said() -> None:
         port = listener.getsockname()[1]
         assert url_of(listener, MonitorSettings()) == f"http://127.0.0.1:{port}"
         with pytest.raises(
-            WebError, match=f"--web-host 127.0.0.1 --web-port {port}: Address already in use; another --web-port,"
+            WebError, match=f"--web-host 127.0.0.1 --web-port {port}: Address already in use; set another --web-port,"
         ):
             open_listener(MonitorSettings(web_port=port))
 
 
 def test_a_host_that_is_none_is_said() -> None:
     for host in ("no such host", "203.0.113.7", "x" * 300):
-        with pytest.raises(WebError, match=r"^--web-host .*; another --web-host, or --no-web, lets it start$"):
+        with pytest.raises(WebError, match=r"^--web-host .*; set another --web-host, or --no-web$"):
             open_listener(MonitorSettings(web_host=host, web_port=0))
 
 

@@ -25,7 +25,7 @@ async def test_a_dead_mesh_is_told_to_all_and_why_to_those_who_are_logged_in(web
         answer = await stranger.get("/healthz")
         assert (answer.status_code, answer.json()["status"]) == (503, "dead")
         assert answer.json()["reason"] == "the fleet cannot be heard"
-        reason = "the bus has brought nothing for 2"
+        reason = "nothing has arrived on the bus for 2"
         assert (await program.get("/healthz")).json()["reason"].startswith(reason)
         (problem,) = (await program.get("/api/v1/status")).json()["problems"]
         assert problem.startswith(reason)
@@ -89,7 +89,7 @@ async def test_a_flood_of_robots_is_no_flood_of_series(web: Web) -> None:
         text = (await program.get("/metrics")).text
         assert text.count("fleetsight_robot_online{") == MAX_LABELLED
         assert "fleetsight_unlabelled 7.0" in text
-        assert "# HELP fleetsight_unlabelled Robots, cameras and workers without series of their own." in text
+        assert "# HELP fleetsight_unlabelled Robots, cameras and workers over the limit, without series." in text
 
 
 async def test_metrics_are_open_where_the_settings_say_so(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ def test_a_robot_of_which_nobody_says_what_it_sees_is_silent_and_it_is_said_whos
     stale = camera(age_s=10)
     assert standing(robot(), [stale], NOW) == (RobotState.SILENT, "no class lists from detector/gpu-1")
     alone = camera(age_s=None, served_by=("distance/cpu-1", "opinion/gpu-2"))
-    assert standing(robot(), [alone], NOW) == (RobotState.SILENT, "no detector looks after its cameras")
+    assert standing(robot(), [alone], NOW) == (RobotState.SILENT, "no detector serves its cameras")
     assert standing(robot(problems=("waits for a master",)), [stale], NOW)[1] == "waits for a master"
     assert standing(robot(), [stale, camera(name="rear")], NOW)[0] is RobotState.ONLINE
 

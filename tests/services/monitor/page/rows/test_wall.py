@@ -70,4 +70,4 @@ def test_a_robot_says_what_is_wrong_and_what_its_live_cameras_have_in_view() -> 
     assert "fs-trouble" in cell
     assert "<b>" not in cell
     assert in_view(shown(robot(), camera(classes=()))) == "nothing in view"
-    assert in_view(shown(robot(), camera(age_s=None))) == "what is in view is not known"
+    assert in_view(shown(robot(), camera(age_s=None))) == "objects in view are unknown"

@@ -51,7 +51,7 @@ async def test_operators_act_and_who_did_what_is_told(web: Web) -> None:
         assert (first["text"], first["class"], second["acts"]) == (ODD, "box", [])
         assert (await browser.post("/api/v1/alerts/a1/resolve")).json()["state"] == "resolved"
         gone = await browser.post("/api/v1/alerts/a1/resolve")
-        assert (gone.status_code, gone.json()) == (404, {"error": "no alert 'a1' that is not resolved"})
+        assert (gone.status_code, gone.json()) == (404, {"error": "no open alert 'a1'"})
         assert [each["id"] for each in (await browser.get("/api/v1/alerts?robot=r1")).json()["items"]] == ["a2"]
         assert (await browser.get("/api/v1/alerts?robot=r2")).json()["items"] == []
 
@@ -102,7 +102,7 @@ async def test_until_when_it_was_known_is_told_of_an_alert_whose_camera_is_silen
 
 async def test_rules_are_told_without_their_secrets(web: Web) -> None:
     web.monitor.rules.book = load_rules(RULES)
-    web.monitor.rules.problem = "rules.yaml: line 3: 'clas' is not known here; the rules stay as they were"
+    web.monitor.rules.problem = "rules.yaml: line 3: 'clas' is not a known key here; the rules stay as they were"
     async with await web.program() as program:
         answer = await program.get("/api/v1/rules")
         assert (answer.json()["problem"], answer.json()["webhooks"]) == (web.monitor.rules.problem, ["ops"])

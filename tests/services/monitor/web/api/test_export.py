@@ -35,7 +35,7 @@ async def test_parquet_without_its_extra_is_refused_in_words(tmp_path: Path, mon
     monkeypatch.setitem(sys.modules, "polars", None)
     async with web_in(tmp_path, history=f"sqlite:///{tmp_path / 'history.db'}") as web, await web.program() as program:
         answer = await program.get("/api/v1/history/export?format=parquet")
-        assert (answer.status_code, "fleetsight's extra [parquet]" in answer.json()["error"]) == (422, True)
+        assert (answer.status_code, "install fleetsight[parquet]" in answer.json()["error"]) == (422, True)
         await web.monitor.history._end()
 
 

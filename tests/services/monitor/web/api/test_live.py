@@ -105,7 +105,7 @@ async def refused(at: Served) -> None:
     for query, reason in (
         ("&topic=odd", "topic.0: Input should be 'robots', 'cameras', "),
         ("&robot=" + "x" * 65, "robot: String should have at most 64 characters"),
-        ("&robt=r1", "'robt' is not a parameter: there are period_s, robot, topic"),
+        ("&robt=r1", "unknown parameter 'robt': known are period_s, robot, topic"),
         ("&robot=r1&robot=r2", "'robot' is given more than once"),
         ("&period_s=1", "'period_s' is given more than once"),
     ):

@@ -4,9 +4,9 @@ from tests.services.monitor.web.asking import Web
 async def test_a_parameter_that_a_route_does_not_have_is_refused_and_named(web: Web) -> None:
     async with await web.program() as program:
         for query, reason in (
-            ("cameras?robt=r1", "'robt' is not a parameter: there are after, limit, online, robot"),
-            ("robots?limit=2&robot=r1", "'robot' is not a parameter: there are after, limit, online"),
-            ("status?robot=r1", "'robot' is not a parameter: there are none here"),
+            ("cameras?robt=r1", "unknown parameter 'robt': known are after, limit, online, robot"),
+            ("robots?limit=2&robot=r1", "unknown parameter 'robot': known are after, limit, online"),
+            ("status?robot=r1", "unknown parameter 'robot': none is known here"),
             ("cameras?robot=r1&robot=r2", "'robot' is given more than once"),
             ("history/alerts?state=raised&since=2026-11-20T06:00Z&state=raised", "'state' is given more than once"),
         ):
@@ -33,5 +33,5 @@ async def test_a_refused_act_on_an_alert_is_not_done(web: Web) -> None:
         answer = await program.post("/api/v1/alerts/a1/resolve?robot=r1")
         assert (answer.status_code, answer.json()["error"]) == (
             422,
-            "'robot' is not a parameter: there are none here",
+            "unknown parameter 'robot': none is known here",
         )

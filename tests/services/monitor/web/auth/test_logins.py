@@ -31,7 +31,7 @@ async def test_who_has_the_link_makes_the_first_user_and_nobody_the_second(tmp_p
     assert access.needs_setup
     secret = access.invitation.removeprefix("http://monitor.test/setup?token=")
     for wrong in ("", "x", secret + "x", "\ud800"):
-        with pytest.raises(AccessError, match="not the link"):
+        with pytest.raises(AccessError, match="invalid set-up link"):
             await access.set_up(wrong, "ann", PASSWORD, "a")
     with pytest.raises(AccessError, match="10 to 256"):
         await access.set_up(secret, "ann", "short", "b")
@@ -42,7 +42,7 @@ async def test_who_has_the_link_makes_the_first_user_and_nobody_the_second(tmp_p
     assert visitor is not None
     assert (visitor.name, visitor.role, visitor.may_act) == ("ann", Role.OPERATOR, True)
     assert (access.needs_setup, access.invitation) == (False, "")
-    with pytest.raises(AccessError, match="not the link"):
+    with pytest.raises(AccessError, match="invalid set-up link"):
         await access.set_up(secret, "bob", PASSWORD, "c")
 
 
@@ -112,12 +112,12 @@ async def test_who_logs_out_is_out_everywhere_at_once(tmp_path: Path) -> None:
 async def test_wrong_passwords_and_unknown_names_are_the_same_and_limited(tmp_path: Path) -> None:
     access = await access_in(tmp_path)
     for name in ("operator", "nobody", "\ud800"):
-        with pytest.raises(AccessError, match=r"^this name and password do not go together$"):
+        with pytest.raises(AccessError, match=r"^wrong name or password$"):
             await access.log_in(name, "wrong", "a")
     for _ in range(MAX_OF_NAME - 1):
-        with pytest.raises(AccessError, match="do not go together"):
+        with pytest.raises(AccessError, match="wrong name or password"):
             await access.log_in("operator", "wrong", "a")
-    with pytest.raises(AccessError, match="too many tries") as refused:
+    with pytest.raises(AccessError, match="too many failed attempts") as refused:
         await access.log_in("operator", PASSWORD, "a")
     assert refused.value.wait_s > 0
     assert await access.log_in("operator", PASSWORD, "b")
@@ -128,7 +128,7 @@ async def test_many_at_once_are_no_way_around_the_limit(tmp_path: Path) -> None:
     tried = await asyncio.gather(
         *(access.log_in("operator", "wrong", "a") for _ in range(3 * MAX_OF_NAME)), return_exceptions=True
     )
-    assert sum("go together" in str(each) for each in tried) == MAX_OF_NAME
+    assert sum("wrong name or password" in str(each) for each in tried) == MAX_OF_NAME
 
 
 async def test_a_changed_or_removed_user_is_out_at_the_next_look(tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ async def test_a_database_that_is_gone_locks_nobody_out(tmp_path: Path) -> None:
     assert access.visitor(session, Kind.SESSION) is not None
     late = await access.log_in("viewer", PASSWORD, "a")
     await access.look()
-    assert access.problem.startswith("log-ins are not being kept: ")
+    assert access.problem.startswith("log-ins are not being saved: ")
     file.rmdir()
     away.rename(file)
     await access.look()
@@ -171,7 +171,7 @@ async def test_nobody_is_let_in_while_the_users_are_not_known(tmp_path: Path) ->
     with pytest.raises(AccessError, match="the users cannot be read"):
         await access.log_in("operator", PASSWORD, "a")
     assert not access.needs_setup
-    with pytest.raises(AccessError, match="cannot be kept"):
+    with pytest.raises(AccessError, match="cannot be saved"):
         await access.set_up(access._setup_secret, "ann", PASSWORD, "a")
 
 
