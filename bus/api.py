@@ -42,7 +42,7 @@ class Queue:
 
     def __post_init__(self) -> None:
         if self.depth < 1:
-            raise ValueError(f"a queue of {self.depth} holds nothing")
+            raise ValueError(f"a queue depth must be at least 1, not {self.depth}")
 
 
 LATEST: Final = Latest()

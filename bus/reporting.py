@@ -39,7 +39,7 @@ async def report(bus: Bus, key: str, kind: type[S], status: Callable[[], S]) -> 
                 now_s = asyncio.get_running_loop().time()
                 if now_s - complained_s >= COMPLAIN_S:
                     complained_s = now_s
-                    log.error("%s: a status that cannot be sent: %s", key, error)  # noqa: TRY400 - no stack says more
+                    log.error("%s: status not sent: %s", key, error)  # noqa: TRY400 - no stack says more
             else:
                 publisher.put(payload)
 

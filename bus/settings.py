@@ -56,7 +56,7 @@ class BusSettings(BaseModel):
     )
     scouting: bool = Field(
         default=False,
-        description="find routers and peers on the local network by multicast; a client does unless it has --connect",
+        description="find routers and peers by multicast on the local network; default for a client without --connect",
     )
     shared_memory: bool = Field(
         default=True,
@@ -67,7 +67,7 @@ class BusSettings(BaseModel):
     )
 
     tls_ca: File | None = Field(
-        default=None, description="certificate of the authority that both ends of a tls/ link must have theirs from"
+        default=None, description="certificate of the authority (CA) that issued both ends' certificates of a tls/ link"
     )
     tls_certificate: File | None = Field(default=None, description="this process's certificate for tls/ links")
     tls_key: File | None = Field(default=None, description="the private key of that certificate")

@@ -58,7 +58,7 @@ def _shareable(settings: BusSettings) -> BusSettings:
     if not settings.shared_memory or may_lock(SHAREABLE_BYTES):
         return settings
     _log.info(
-        "no shared memory: that takes leave to lock %d MiB (ulimit -l); frames go through sockets",
+        "no shared memory: the process may not lock %d MiB, so frames go through sockets; raise ulimit -l",
         SHAREABLE_BYTES >> 20,
     )
     return settings.model_copy(update={"shared_memory": False})
@@ -190,4 +190,4 @@ class ZenohBus:
             async with asyncio.timeout(CLOSE_DEADLINE_S):
                 await asyncio.shield(asyncio.wrap_future(work))
         except TimeoutError:
-            _log.warning("the bus did not close within %.0f s; its thread is left behind", CLOSE_DEADLINE_S)
+            _log.warning("the bus did not close within %.0f s; its thread is abandoned", CLOSE_DEADLINE_S)

@@ -178,7 +178,7 @@ class Explorer:
         if unused != self._said_unused:
             self._said_unused = unused
             if unused:
-                log.info("for no stream that there is: %s", ", ".join(unused))
+                log.info("no such stream: %s", ", ".join(unused))
         await offers.change(now)
 
 

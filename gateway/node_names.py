@@ -47,6 +47,6 @@ async def clear_predecessors(node: Node, robot: str) -> None:
 async def _clear(node: Node, name: str, state: SystemState) -> None:
     try:
         if await node.unregister_dead(name, state):
-            log.info("%s is no more: it was killed and is unregistered now", name)
+            log.info("%s was killed: it is unregistered from the ROS master", name)
     except Ros1Error as error:
         log.warning("%s stays registered at the ROS master: %s", name, error)

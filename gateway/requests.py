@@ -145,7 +145,7 @@ class ServiceCalls:
             )
             response = response_of(answer)
         except (Ros1Error, SchemaError) as error:
-            log.warning("%s was called for the fleet in vain: %s", service, error)
+            log.warning("%s: a call for the fleet failed: %s", service, error)
             raise RefusedError(str(error)) from error
         log.debug("%s was called for the fleet", service)
         return Reply(codec.encode(response), codec.encoding(ServiceResponse))

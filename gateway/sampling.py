@@ -84,10 +84,10 @@ class Sampler:
                     self._group.create_task(self._changed())  # it may end this task, and is to be done nevertheless
                 self._encodings[sampled] = await told
         except Ros1Error as error:
-            log.debug("%s: not looked at: %s", name, error)
+            log.debug("%s: not sampled: %s", name, error)
             self._encodings[sampled] = UNKNOWN
         if is_cloud and self._encodings[sampled] == UNKNOWN:
-            log.info("%s: its points are no picture, so they give their camera no colour", name)
+            log.info("%s: its points are not an image, so its camera gets no colour stream from them", name)
         self._listening.pop(sampled, None)
         self._waited_for.discard(sampled)
         await self._changed()

@@ -103,21 +103,21 @@ def _rectified(streams: list[str]) -> list[str]:
         except SchemaError as error:
             raise ValueError(str(error)) from error
         if not isinstance(key, StreamKey) or key.stream not in INFOS:
-            raise ValueError(f"{name} is no picture of a camera, which is called like front/color or front/depth")
+            raise ValueError(f"{name} is not a camera's image stream; those are named like front/color or front/depth")
     return streams
 
 
 def _actions(actions: dict[str, str]) -> dict[str, str]:
     for name, topic in actions.items():
         if not NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is no name of an action, which looks like pick_up")
+            raise ValueError(f"{name!r} is not an action's name; use one like pick_up")
         _check_topic(f"action {name}", topic)
     return actions
 
 
 def _check_topic(what: str, topic: str) -> None:
     if not is_topic(topic if topic.startswith("/") else f"/{topic}"):
-        raise ValueError(f"{what}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
+        raise ValueError(f"{what}: {topic!r} is not a ROS topic; use one like /front/color/image_raw")
     if is_result(topic):
         raise ValueError(f"{what}: {topic} is where gateways publish results; name a sensor's topic")
 
@@ -142,7 +142,7 @@ def _pattern(pattern: str) -> str:
     try:
         re.compile(pattern)
     except re.error as error:
-        raise ValueError(f"no regular expression: {error}") from error
+        raise ValueError(f"not a regular expression: {error}") from error
     return pattern
 
 
@@ -154,30 +154,30 @@ class RosSettings(BaseModel):
     ros_master: Annotated[str, AfterValidator(validate_master_uri)] = Field(
         default_factory=master_uri,
         validate_default=True,
-        description="the ROS master's address; ROS_MASTER_URI unless given",
+        description="the ROS master's address; ROS_MASTER_URI by default",
     )
     ros_host: Annotated[str, AfterValidator(validate_host)] = Field(
         default_factory=host_name,
         validate_default=True,
-        description="where other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP unless given",
+        description="where other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP by default",
     )
     namespace: Annotated[str, AfterValidator(_namespace)] = Field(
         default_factory=ros_namespace,
         validate_default=True,
-        description="ROS namespace of the node and of relative names, its results' too; ROS_NAMESPACE unless given",
+        description="ROS namespace of the node, its results and relative names; ROS_NAMESPACE by default",
     )
     node_name: Annotated[str, AfterValidator(_node_name)] = Field(
-        default="", description="the ROS node's name; one that no other process has unless given"
+        default="", description="the ROS node's name; a unique one by default"
     )
     remap: Annotated[
         dict[str, str],
         AfterValidator(_remaps),
-        Field(description="names of topics to replace as from=to; from:=to, as for any ROS node, does it too"),
+        Field(description="topic names to replace, as from=to; from:=to works too, as for any ROS node"),
     ] = {}
 
     def host_given_by(self) -> str:
         """Return what `ros_host` is from, as a person calls it."""
-        return "--ros-host" if "ros_host" in self.model_fields_set else host_variable() or "this machine's name"
+        return "--ros-host" if "ros_host" in self.model_fields_set else host_variable() or "this machine's host name"
 
 
 class StreamSettings(BaseModel):
@@ -187,14 +187,15 @@ class StreamSettings(BaseModel):
 
     discover: bool = Field(
         default=True,
-        description="find streams on the ROS graph; beside streams that --cameras or --topics name, only if asked for",
+        description="find streams on the ROS graph; off by default when --cameras or --topics name streams",
     )
     allow: Annotated[str, AfterValidator(_pattern)] = Field(
         default=".*",
-        description="take only topics that are found whose whole name matches this regular expression, like /r1/.*|/tf",
+        description="take only found topics whose whole name matches this regular expression, like /r1/.*|/tf",
     )
     deny: Annotated[str, AfterValidator(_pattern)] = Field(
-        default="", description="take no topic that is found whose whole name matches this; wins over --allow"
+        default="",
+        description="take no found topic whose whole name matches this regular expression; wins over --allow",
     )
     cameras: Annotated[
         dict[str, str],
@@ -213,8 +214,8 @@ class StreamSettings(BaseModel):
         list[str],
         AfterValidator(_rectified),
         Field(
-            description="streams whose pictures the lens was taken out of, like front/color; those with image_rect in "
-            "their topics' names are without being named here"
+            description="streams that are already rectified, like front/color; those with image_rect in their topics' "
+            "names count as rectified anyway"
         ),
     ] = []
     max_message_mib: Annotated[
@@ -245,14 +246,14 @@ class ReturnSettings(BaseModel):
         dict[str, str],
         AfterValidator(_actions),
         Field(
-            description="what the fleet may tell the robot to do, as action=topic, like pick_up=/planner/pick_up; "
+            description="actions that the fleet may send to the robot, as action=topic, like pick_up=/planner/pick_up; "
             "every other action is refused"
         ),
     ] = {}
     passive_subscribers: Annotated[str, AfterValidator(_pattern)] = Field(
         default="",
-        description="ROS nodes for which no result is made, by a regular expression for their whole names, like "
-        "/record_.* for rosbag's recorders; they get what others want",
+        description="ROS nodes whose subscriptions request no results, by a regular expression for whole names, like "
+        "/record_.* for rosbag's recorders; they receive what others request",
     )
     services: Annotated[
         list[str],

@@ -12,5 +12,5 @@ def check_uses(uses: Iterable[tuple[str, str]]) -> None:
     known: dict[str, str] = {}
     for topic, use in uses:
         if topic in known:
-            raise ValueError(f"{known[topic]} and {use} would both be {topic}: a ROS topic has one use")
+            raise ValueError(f"{known[topic]} and {use} would both be {topic}: a ROS topic can have only one use")
         known[topic] = use

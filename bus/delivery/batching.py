@@ -80,7 +80,7 @@ class Gathering:
                 with panics_are_errors():
                     self._deliver(batch)
             except Exception:  # noqa: BLE001 - whatever is wrong with one message, the link waits until others are fetched
-                _log.exception("not all of %d messages were taken in", len(batch))
+                _log.exception("not all of %d messages were delivered", len(batch))
         return len(batch)
 
     def _next(self) -> list[zenoh.Sample]:

@@ -115,5 +115,5 @@ def _provider(size: int) -> ShmProvider | None:
         reason = f"{_FOLDER} is too full"
     except (OSError, zenoh.ZError, BusError) as error:
         reason = str(error)
-    _log.warning("no shared memory for %d bytes (%s): such messages are sent instead", size, reason)
+    _log.warning("no shared memory for %d bytes (%s): such messages go through sockets", size, reason)
     return None

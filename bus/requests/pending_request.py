@@ -44,7 +44,7 @@ class PendingRequest:
 
     def give_up(self) -> None:
         """Say that nobody answers. Any thread; after an answer it changes nothing."""
-        self.settle(NotServedError("nobody serves it, or whoever did left before answering"))
+        self.settle(NotServedError("no server has this key, or it left before answering"))
 
     def end(self) -> None:
         """Say that the bus is closed. Event loop only."""

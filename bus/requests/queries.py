@@ -61,7 +61,7 @@ def finish_query(query: zenoh.Query, served: str, outcome: Reply | str | None) -
     with query, suppress(zenoh.ZError):  # whoever asked, or the session, is gone
         key = served if "*" not in served else str(query.key_expr)
         if isinstance(outcome, Reply) and "*" in key:
-            outcome = f"{key} is many keys: ask for one"
+            outcome = f"{key} has wildcards; request a single key"
         if isinstance(outcome, Reply):
             query.reply(key, outcome.payload, encoding=outcome.encoding)
         elif outcome is not None:

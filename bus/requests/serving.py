@@ -41,7 +41,9 @@ class Server:
 
     def __init__(self, key_expr: str, handler: Handler, loop: AbstractEventLoop, at_once: int, waiting: int) -> None:
         if at_once < 1 or waiting < 0:
-            raise ValueError(f"a server of {at_once} requests at once and {waiting} waiting answers nobody")
+            raise ValueError(
+                f"a server handles at least 1 request at once and lets at least 0 wait, not {at_once} and {waiting}"
+            )
         self.key = key_expr
         self._handler = handler
         self._loop = loop
@@ -103,7 +105,7 @@ class Server:
 
     async def _outcome(self, call: Call) -> Reply | str:
         if self._loop.time() >= call.until_s:
-            return "it waited too long to be begun"
+            return "the request waited too long in the server's queue"
         try:
             async with asyncio.timeout_at(call.until_s):
                 return _checked(await self._handler(call.request))

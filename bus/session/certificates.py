@@ -43,10 +43,10 @@ def _check_key(file: Path, certificate: Path) -> None:
         with file.open("rb"):  # of the two files OpenSSL does not say which it cannot open
             _context().load_cert_chain(certificate, file, password=_refuse_to_ask)
     except _PassphraseError as error:
-        raise BusError(f"{said}: it has a passphrase, which nobody is asked for; give one without") from error
+        raise BusError(f"{said}: it has a passphrase, which is not supported; give a key without one") from error
     except ssl.SSLError as error:
         if error.reason in _MISMATCHES:
-            raise BusError(f"{said}: not the key of tls_certificate {certificate}") from error
+            raise BusError(f"{said}: does not belong to tls_certificate {certificate}") from error
         if not error.reason or error.library == "PEM":
             raise BusError(f"{said}: no PEM private key can be read from it") from error
         reason = error.reason.lower().replace("_", " ")

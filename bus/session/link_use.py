@@ -28,7 +28,7 @@ class LinkUse:
             return ""
         more = "" if self.limit >= MAX_LINKS else "let it open more files (LimitNOFILE in its unit, ulimit -n), or "
         return (
-            f"{self.count:,} of at most {self.limit:,} links are taken, and those beyond are refused: "
+            f"{self.count:,} of at most {self.limit:,} links are in use, further ones are refused: "
             f"{more}have some robots and workers connect through another router"
         )
 

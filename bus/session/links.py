@@ -129,4 +129,4 @@ def _why_unresolved(host: str) -> str:
     try:
         return said.get(timeout=RESOLVING_S)
     except queue.Empty:
-        return f"no name server says within {RESOLVING_S:g} s where {host} is"
+        return f"{host} does not resolve: no name server answered within {RESOLVING_S:g} s"

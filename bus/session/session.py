@@ -311,7 +311,7 @@ class SessionThread:
         is_client = self._settings.mode == "client"
         self._declared += is_client or declaration.takes_another
         if self._declared >= (RENEWED_AFTER if is_client else OTHERS_RENEWED_AFTER):
-            _log.info("another session, after %d declarations on this one", self._declared)
+            _log.info("opening a new session after %d declarations on this one", self._declared)
             self._end(self._session)
 
     def _undeclare(self, declaration: Declaration) -> None:

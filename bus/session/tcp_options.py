@@ -44,7 +44,7 @@ class Tuning:
         try:
             tune(locators)
         except OSError as error:  # the system tells nobody what is connected: links do without
-            _log.debug("links at %s are not tuned: %s", ", ".join(locators), error)
+            _log.debug("TCP options of links at %s are not set: %s", ", ".join(locators), error)
 
 
 def tune(locators: Collection[str]) -> None:

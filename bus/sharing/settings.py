@@ -44,12 +44,12 @@ class SharingSettings(BaseModel):
         default=1.0,
         ge=MIN_WEIGHT,
         le=MAX_WEIGHT,
-        description="this worker's share of the cameras beside others': with 2 it gets twice as many as with 1",
+        description="this worker's weight when cameras are shared: with 2 it gets twice as many as with 1",
     )
     robots: list[RobotName] = Field(
         default=[],
         max_length=100,
-        description="work for these robots alone, and before all workers that are for any; any robot unless given",
+        description="serve only these robots, with priority over workers for any robot; any robot by default",
     )
 
     def tokens(self, service: str) -> list[WorkerAlive]:

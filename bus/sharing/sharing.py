@@ -125,9 +125,9 @@ class Sharing:
         for camera in more:
             self._tasks[camera] = group.create_task(self._look_after(camera, self._ending.get(camera)))
         if fewer or more:
-            log.info("looks after %d cameras: %d more, %d fewer", len(planned), len(more), len(fewer))
+            log.info("serving %d cameras: %d added, %d removed", len(planned), len(more), len(fewer))
         if len(planned) == self._most and more:
-            log.warning("cameras are left out: %d are looked after already", self._most)
+            log.warning("further cameras are left out: this worker serves %d, its limit", self._most)
 
     def _end(self, camera: CameraKey) -> None:
         task = self._tasks.pop(camera)
@@ -167,7 +167,8 @@ class Sharing:
             return self._shares.worker(token, alive=presence.alive)
         if presence.alive and not (self._joined and token in self._tokens):
             log.warning(
-                "another worker is called %s: each takes the other for itself, and does all its work", token.worker
+                "another worker is also called %s: both will process the same cameras; give each its own --worker",
+                token.worker,
             )
         return False
 

@@ -48,11 +48,11 @@ class DiscoverySettings:
     rectified: frozenset[SensorKey] = frozenset()
 
 
-NOT_A_NAME: Final = "no name that a stream's topic can have"
+NOT_A_NAME: Final = "its name is not valid for a stream's topic"
 OF_GATEWAYS: Final = "published by gateways"
-UNKNOWN_TYPE: Final = "of a type that the master does not know yet"
+UNKNOWN_TYPE: Final = "the master does not know its type yet"
 TEXT: Final = "a text; --discover --topics text/NAME=TOPIC takes it as well"
-NO_SENSOR: Final = "of no type that sensors have; --discover --topics ros/NAME=TOPIC takes it as well, as it is"
+NO_SENSOR: Final = "not a sensor's message type; --discover --topics ros/NAME=TOPIC takes it as well, as it is"
 
 TYPES: Final = READERS.keys() | {camera_info.TYPE_NAME, *transforms.TYPE_NAMES}
 
@@ -88,8 +88,8 @@ UNNAMED: Final = (
     "not named like a camera's image or points; --discover --cameras NAME=TOPIC or --discover --topics "
     "NAME/STREAM=TOPIC takes it as well"
 )
-NO_COLOR: Final = "its pixels are of an encoding of depth, and its name says infrared"
-NOBODYS: Final = "a calibration or transforms of nothing that is taken"
+NO_COLOR: Final = "its pixels are encoded as depth, but its name says infrared"
+NOBODYS: Final = "a calibration or transforms that no stream needs"
 TOO_MANY: Final = f"over {MAX_STREAMS} streams, which is the most a gateway offers"
 MAX_CAMERAS: Final = 1_000
 INFOS: Final = {Stream.COLOR: Stream.INFO, Stream.DEPTH: Stream.DEPTH_INFO}
@@ -243,7 +243,7 @@ class _Planning:
         self._names |= name_cameras(new, self._wishes.robot, self._names_that_tell(candidates), taken)
         for candidate in candidates:
             if candidate.path not in self._names:
-                self._left_out[candidate.topic.name] = f"of more than {MAX_CAMERAS} cameras"
+                self._left_out[candidate.topic.name] = f"over {MAX_CAMERAS} cameras, which is the most a gateway offers"
         return [candidate for candidate in candidates if candidate.path in self._names]
 
     def _names_that_tell(self, candidates: Sequence[Candidate]) -> dict[Path, str]:

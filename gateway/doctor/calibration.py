@@ -44,8 +44,8 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
         yield problem(
             Stage.CAMERAS,
             subject,
-            "the camera info has no focal length: the camera is not calibrated, and as without one it is unknown what "
-            "its pixels mean in space",
+            "the camera info has no focal length: the camera is not calibrated, so its pixels cannot "
+            "be projected into space",
             f"calibrate it (`{_calibrator(camera, of, evidence)}`), or have the driver load its calibration",
         )
         return
@@ -53,14 +53,14 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
         yield problem(
             Stage.CAMERAS,
             subject,
-            f"{lens}: what the camera's pixels mean in space cannot be worked out",
+            f"{lens}: the camera's pixels cannot be projected into space",
             f"have the driver publish a calibration with {PLUMB_BOB}, {RATIONAL} or equidistant distortion",
         )
     if where := _off_centre(info, image):
         yield problem(
             Stage.CAMERAS,
             subject,
-            f"the calibration cannot be of these pictures: its principal point {where}",
+            f"the calibration does not match the images: its principal point {where}",
             "have the driver load this camera's calibration at the resolution that it sends: distances and places are "
             "wrong until then",
         )
@@ -69,7 +69,7 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
         yield note(
             Stage.CAMERAS,
             subject,
-            f"{topic} has the calibration but is no stream, so distances cannot be measured off the robot",
+            f"{topic} has the calibration but is not a stream, so distances cannot be measured off the robot",
             advice.taking(subject, topic, evidence),
         )
     if image is not None and sent_pixels(info) != pixels(image):
@@ -106,12 +106,12 @@ def _without_calibration(camera: str, of: Stream, stream: Stream, evidence: Evid
             Stage.CAMERAS,
             subject,
             f"no camera info came from {look.topic}",
-            "a driver sends one with every image: restart it if it does not, or correct what it sends",
+            "restart the driver or correct its camera info: one should come with every image",
         )
     return note(
         Stage.CAMERAS,
         subject,
-        "no camera info: what a pixel of depth means in space is unknown",
+        "no camera info: depth pixels cannot be projected into space",
         advice.calibration_of(camera, of, stream, evidence),
     )
 

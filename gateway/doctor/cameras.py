@@ -130,7 +130,7 @@ def _unregistered(camera: str, what: str, frames: tuple[str, str], evidence: Evi
         yield note(
             Stage.CAMERAS,
             subject,
-            f"not registered to colour ({what}): whoever measures has to do it, by the calibrations and transforms",
+            f"not registered to colour ({what}): workers must do it, from the calibrations and transforms",
             "registering in the driver (align_depth, depth_registration) is exact and costs the robot less",
         )
     elif (moving := evidence.named(TF)) and moving.publishers:  # of which only the first messages are known

@@ -23,7 +23,7 @@ def check_master(look: MasterLook) -> Iterator[Finding]:
             Stage.MASTER,
             look.uri,
             "answers, but no sensor publishes anything at it",
-            "start the drivers; if they run, is theirs another master? See ROS_MASTER_URI where they were started",
+            "start the drivers; if they run, check ROS_MASTER_URI where they were started: it may be another master",
         )
 
 
@@ -67,7 +67,7 @@ def check_host(look: HostLook, *, remote_master: bool) -> Iterator[Finding]:
             "on every machine",
         )
     elif any(ipaddress.ip_address(address).is_unspecified for address in look.addresses):
-        yield problem(Stage.HOST, look.host, "is no address that others can connect to", "set ROS_IP to a real one")
+        yield problem(Stage.HOST, look.host, "is not an address that others can connect to", "set ROS_IP to a real one")
     elif remote_master and all(ipaddress.ip_address(address).is_loopback for address in look.addresses):
         yield from _loopback(look.host)
     elif not look.ours:

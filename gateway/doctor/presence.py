@@ -26,8 +26,8 @@ def check_presence(evidence: Evidence) -> Iterator[Finding]:
         yield problem(
             Stage.GATEWAY,
             robot,
-            "its gateway runs here, but has no link to what it connects to: nobody elsewhere sees the robot",
-            "see what is said of those endpoints; where nothing is, do its --connect and the doctor's name the same?",
+            "its gateway runs here, but has no link to its --connect endpoints: nobody elsewhere sees the robot",
+            "see the findings on those endpoints; if there are none, check that its --connect and the doctor's agree",
         )
     yield from _check_gateways(robot, bus.accounts, evidence.seconds)
     for account in bus.accounts:
@@ -72,13 +72,13 @@ def _check_gateways(robot: str, accounts: Sequence[GatewayReport], seconds: floa
             Stage.GATEWAY,
             robot,
             "more than one gateway runs under this name: their frames get mixed up",
-            "give each robot's gateway its own --robot, or end the one that is too many",
+            "give each robot's gateway its own --robot, or stop the extra one",
         )
     if not accounts:
         yield problem(
             Stage.GATEWAY,
             robot,
-            f"its gateway is present but said nothing of itself in {seconds:g} s",
+            f"its gateway is present but sent no status in {seconds:g} s",
             "restart the gateway; if the network has access rules, they must let fleet/*/status through",
         )
 
@@ -143,7 +143,7 @@ def _router_trouble(endpoint: str, trouble: Trouble) -> tuple[str, str]:
         case Failure.FOREIGN:
             return (
                 "something listens there, but does not answer as a Zenoh router does",
-                "correct the port in --connect, usually 7447; one that wants certificates is at tls/; or does it hang?",
+                "correct the port in --connect (usually 7447), use tls/ if it has certificates, or restart it if it hangs",
             )
         case _:
             return "no answer from the router's machine", "is it on, in this network, and not behind a firewall?"

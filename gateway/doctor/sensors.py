@@ -55,7 +55,7 @@ def _check_against_clock(subject: str, heard: Heard, evidence: Evidence) -> Iter
     late_s = (now_ns - heard.stamps_ns[-1]) / 1e9
     if abs(late_s) > LATE_S + evidence.seconds:
         way = "behind" if late_s > 0 else "ahead of"
-        what = f"its stamps are {_span(late_s)} {way} /clock, which use_sim_time makes the time"
+        what = f"its stamps are {_span(late_s)} {way} /clock, the ROS time while use_sim_time is set"
         yield note(Stage.SENSORS, subject, what, "do the driver and the simulation or bag use the same clock?")
 
 
@@ -183,12 +183,12 @@ def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str,
     match trouble.failure:
         case Failure.UNRESOLVED:
             return (
-                f"{publisher.node} is to be reached at {trouble.host}, a name that does not resolve on this machine",
+                f"{publisher.node} is registered at {trouble.host}, a name that does not resolve on this machine",
                 f"add {trouble.host} to /etc/hosts here; or {_START_RIGHT}",
             )
         case Failure.DEAD:
             return (
-                f"{publisher.node} says it is at {trouble.where}, but nothing listens: it was killed, or that is wrong",
+                f"{publisher.node} is registered at {trouble.where}, but nothing listens: killed, or address wrong",
                 f"start it again (`rosnode cleanup` makes the master forget it); if it runs, {_START_RIGHT}",
             )
         case Failure.UNKNOWN:
@@ -241,7 +241,7 @@ def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidenc
         yield problem(
             Stage.SENSORS,
             subject,
-            f"{publisher.node} sends what cannot be forwarded: {heard.unreadable}",
+            f"{publisher.node} sends messages that cannot be forwarded: {heard.unreadable}",
             f"correct the driver's settings, or forward it untranslated: {untranslated(stream, evidence)}",
         )
     else:
@@ -253,7 +253,7 @@ def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidenc
 def _nothing_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Finding:
     what = f"{publisher.node} accepts subscribers but sent nothing in {evidence.seconds:g} s"
     if publisher.latching or not isinstance(stream.key, StreamKey):
-        return note(Stage.SENSORS, stream.subject, what, "fine if it only speaks when there is something to say")
+        return note(Stage.SENSORS, stream.subject, what, "fine if it publishes on events only")
     return problem(
         Stage.SENSORS,
         stream.subject,

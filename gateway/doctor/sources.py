@@ -13,7 +13,7 @@ from schemas.image import ImageFrame
 from schemas.keys import StreamKey
 from schemas.points import PointCloud
 
-_REMAP: Final = "end the node that is too many, or remap its topic: each sensor needs a topic of its own"
+_REMAP: Final = "stop the extra node, or remap its topic: each sensor needs a topic of its own"
 
 
 def check_sources(stream: StreamLook) -> Iterator[Finding]:
@@ -28,7 +28,7 @@ def check_sources(stream: StreamLook) -> Iterator[Finding]:
     for told in (frames, shapes):
         if len({each for several in told.values() for each in several}) > 1:
             said = "; ".join(f"{node} sends {' and '.join(several)}" for node, several in told.items())
-            yield problem(Stage.SENSORS, stream.subject, f"it mixes what is not of one sensor: {said}", _REMAP)
+            yield problem(Stage.SENSORS, stream.subject, f"it mixes several sensors: {said}", _REMAP)
             return
     if len(heard) > 1:
         what = f"{' and '.join(heard)} all publish it: each frame may come several times"

@@ -22,7 +22,7 @@ def validate_master_uri(text: str) -> str:
     """
     if _host_and_port("http", text) is None:
         looks = "http://robot:11311 or http://[fd00::7]:11311"
-        raise InvalidNameError(f"{text!r} is no ROS master's address, which looks like {looks}")
+        raise InvalidNameError(f"{text!r} is not a ROS master's address; use one like {looks}")
     return text.rstrip("/")
 
 
@@ -35,7 +35,7 @@ def parse_rosrpc(uri: str) -> tuple[str, int]:
     """
     found = _host_and_port("rosrpc", uri)
     if found is None:
-        raise InvalidNameError(f"{uri[:80]!r} is no service's address, which looks like rosrpc://robot:40001")
+        raise InvalidNameError(f"{uri[:80]!r} is not a service's address; those look like rosrpc://robot:40001")
     return found
 
 
@@ -61,7 +61,7 @@ def validate_host(text: str) -> str:
     """
     host = _host(text)
     if host is None:
-        raise InvalidNameError(f"{text!r} is neither a host's name nor an address")
+        raise InvalidNameError(f"{text!r} is neither a host name nor an address")
     return host
 
 

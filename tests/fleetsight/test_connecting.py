@@ -98,7 +98,7 @@ async def test_certificates_are_used_and_bad_ones_named(tmp_path: Path) -> None:
         async with connect_with(endpoint, own) as fleet:
             assert fleet.problem == ""
         with pytest.raises(
-            fleetsight.CertificateError, match=r"^tls_key .*central\.key: not the key of tls_certificate"
+            fleetsight.CertificateError, match=r"^tls_key .*central\.key: does not belong to tls_certificate"
         ):
             async with connect_with(endpoint, {**own, "tls_key": other["tls_key"]}):
                 raise AssertionError

@@ -100,7 +100,7 @@ def parse_method(text: str) -> Method:
     """
     match = _METHOD.fullmatch(text)
     if match is None or (match[2] and match[1] not in LEVELS):
-        raise ValueError(f"{text!r} is none of auto, raw, jpeg, jpeg:QUALITY, png, zstd, zstd:LEVEL")
+        raise ValueError(f"{text!r} is not one of auto, raw, jpeg, jpeg:QUALITY, png, zstd, zstd:LEVEL")
     if match[1] not in LEVELS:
         return Method(match[1])
     least, usual, most = LEVELS[match[1]]

@@ -55,7 +55,7 @@ def scale_image(frame: ImageFrame, factor: int) -> ImageFrame:
         ShapingError: it is compressed already, or too small.
     """
     if frame.format != RAW:
-        raise ShapingError(f"a {frame.format} that arrived as one cannot be scaled: name the raw topic, or no scale")
+        raise ShapingError(f"a {frame.format} that arrived as one cannot be scaled: use the raw topic, or set no scale")
     pixels = pixels_of(frame)
     if frame.encoding in DEPTH_ENCODINGS:
         made = _middles(pixels, factor)

@@ -29,7 +29,7 @@ def _hz(text: str) -> float:
     except ValueError:
         value = math.nan
     if not LEAST_HZ <= value <= MOST_HZ:
-        raise ValueError(f"{text!r} is no rate; use {LEAST_HZ:g} to {MOST_HZ:g} Hz")
+        raise ValueError(f"{text!r} is not a rate; use {LEAST_HZ:g} to {MOST_HZ:g} Hz")
     return value
 
 
@@ -41,7 +41,7 @@ def _factor(text: str) -> int:
     except (ValueError, ZeroDivisionError):
         inverse = math.nan
     if not 1 <= inverse <= MAX_FACTOR or abs(inverse - round(inverse)) > inverse / 100:
-        raise ValueError(f"{text!r} is no scale; use 1, 1/2 (or 0.5), 1/3, 1/4 ... 1/{MAX_FACTOR}")
+        raise ValueError(f"{text!r} is not a scale; use 1, 1/2 (or 0.5), 1/3, 1/4 ... 1/{MAX_FACTOR}")
     return round(inverse)
 
 
@@ -69,7 +69,7 @@ def _rules(given: Sequence[str], parse: Callable[[str], V], streams: Sequence[st
         except ValueError as error:
             raise ValueError(f"{error}{f' (for {pattern})' if pattern else ''}") from error
         if "=" in each and not _fits_any(pattern.strip(), streams):
-            raise ValueError(f"{pattern.strip()!r} fits no stream that this is for, like front/{', '.join(streams)}")
+            raise ValueError(f"{pattern.strip()!r} matches no stream this applies to, like front/{', '.join(streams)}")
     return found
 
 

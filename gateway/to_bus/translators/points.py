@@ -105,10 +105,10 @@ def shows_picture(message: Message) -> bool | None:
 
 def _image(cloud: PointCloud) -> ImageFrame:
     if not cloud.height * cloud.width:
-        raise SchemaError("a cloud without points is no picture")
+        raise SchemaError("a cloud without points is not an image")
     if min(cloud.height, cloud.width) < 2:
         raise NotOrganised(
-            f"a cloud of {cloud.height} x {cloud.width} points is no picture: have its driver send organised clouds "
+            f"a cloud of {cloud.height} x {cloud.width} points is not an image: have its driver send organised clouds "
             "(realsense2_camera: ordered_pc), or an image"
         )
     pixels = _pixels(cloud)
@@ -125,7 +125,7 @@ def _image(cloud: PointCloud) -> ImageFrame:
 def _pixels(cloud: PointCloud) -> NDArray[np.uint8]:
     offsets = _colours(cloud)
     if offsets is None:
-        raise NotOrganised("a cloud without colours is no picture: have its driver send them, or an image")
+        raise NotOrganised("a cloud without colours is not an image: have its driver send them, or an image")
     pixels = np.empty((cloud.height, cloud.width, 3), np.uint8)
     for channel, offset in enumerate(offsets):
         pixels[..., channel] = np.ndarray(
