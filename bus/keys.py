@@ -31,5 +31,5 @@ def single_key(text: str) -> str:
 
 
 def matches(key_expr: str, other: str) -> bool:
-    """Whether some key is in both; both must be valid."""
+    """Return whether two valid key expressions have a key in common."""
     return zenoh.KeyExpr(key_expr).intersects(other)

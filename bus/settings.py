@@ -1,4 +1,4 @@
-"""How a process joins the bus. Plain data: whoever builds it reads environment, files and arguments."""
+"""Settings for joining the bus. Plain data: the caller reads environment, files and arguments."""
 
 import re
 import stat
@@ -41,7 +41,7 @@ File = Annotated[Path, AfterValidator(_file)]
 
 
 class BusSettings(BaseModel):
-    """Fields that every process on the bus has. Routers and scouts connect nowhere unless `connect` is given."""
+    """Settings of every process on the bus. Routers and scouts connect nowhere unless `connect` is given."""
 
     heading: ClassVar = "Zenoh"
 

@@ -37,7 +37,7 @@ H = TypeVar("H", bound=_Handle)
 
 @asynccontextmanager
 async def open_bus(settings: BusSettings) -> AsyncIterator[Bus]:
-    """Open the bus; leaving closes it within CLOSE_DEADLINE_S, whatever became of the links.
+    """Open the bus; leaving the context closes it within CLOSE_DEADLINE_S, whatever the state of its links.
 
     A client whose router is not there yet waits for it in the background; so do peers and routers.
 
@@ -65,7 +65,7 @@ def _shareable(settings: BusSettings) -> BusSettings:
 
 
 class ZenohBus:
-    """See `bus.api.Bus`. To be made on a running event loop and closed there."""
+    """See `bus.api.Bus`. Create and close it on the same running event loop."""
 
     def __init__(self, settings: BusSettings) -> None:
         self._loop = asyncio.get_running_loop()
@@ -185,7 +185,7 @@ class ZenohBus:
             await self._settle(self._session.drop(handle))
 
     async def _settle(self, work: Future[None]) -> None:
-        """Wait for clean-up that gets done by its thread even if this wait is cancelled or takes too long."""
+        """Wait for clean-up on its thread, which continues even if this wait is cancelled or times out."""
         try:
             async with asyncio.timeout(CLOSE_DEADLINE_S):
                 await asyncio.shield(asyncio.wrap_future(work))

@@ -1,4 +1,4 @@
-"""The answering end of requests, the same for the real bus and the fake: bounded, and every request is finished."""
+"""The server's side of requests, the same for the real bus and the fake: bounded; every request is finished."""
 
 import asyncio
 import logging
@@ -16,7 +16,7 @@ from bus.errors import BusError, RefusedError
 from bus.keys import matches
 
 MAX_REASON: Final = 500
-"""Most characters of an error that are sent."""
+"""Longest error text that is sent, in characters."""
 
 INTERNAL: Final = "internal error, see the server's log"
 
@@ -25,7 +25,7 @@ _log: Final = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Call:
-    """A request and the way back.
+    """A request and its reply function.
 
     until_s: when its caller stops waiting, on the event loop's clock, which is `time.monotonic`. answer: takes a reply,
     an error's text, or None for nothing; any thread, once.
@@ -56,7 +56,7 @@ class Server:
         self._running: asyncio.Task[None] | None = None
 
     def arrive(self, call: Call) -> None:
-        """Bring a request. Any thread."""
+        """Add a request. Any thread."""
         with self._lock:
             ended, full = self._ended, len(self._open) >= self._limit
             if not ended and not full:
@@ -70,7 +70,7 @@ class Server:
 
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[None]:
-        """Answer for as long as the context lasts; returns when the handlers have ended. Event loop only."""
+        """Answer requests until the context ends, then wait for the handlers to end. Event loop only."""
         self._running = self._loop.create_task(self._run())
         try:
             yield
@@ -79,7 +79,7 @@ class Server:
             await asyncio.wait({self._running})
 
     def end(self) -> None:
-        """Cancel the handlers and leave the rest unanswered. Event loop only."""
+        """Cancel the handlers and drop the waiting requests. Event loop only."""
         with self._lock:
             self._ended = True
             rest = list(self._open)
@@ -118,7 +118,7 @@ class Server:
             return INTERNAL
 
     def _finish(self, call: Call, outcome: Reply | str | None) -> None:
-        """Answer once."""
+        """Send the answer, once."""
         with self._lock:
             if call not in self._open:
                 return
@@ -127,12 +127,12 @@ class Server:
 
 
 def serves(key_expr: str, declared: Iterable[object]) -> bool:
-    """Whether any of what a bus has declared serves keys of the expression."""
+    """Return whether any declaration of a bus serves keys of the expression."""
     return any(isinstance(each, Server) and matches(each.key, key_expr) for each in declared)
 
 
 def check_free(key_expr: str, declared: Iterable[object]) -> None:
-    """Hold a bus to answering each request once.
+    """Check that no server of the same bus already serves keys of the expression.
 
     Raises:
         BusError: one of its servers has keys of the expression already.

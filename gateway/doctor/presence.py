@@ -143,7 +143,7 @@ def _router_trouble(endpoint: str, trouble: Trouble) -> tuple[str, str]:
         case Failure.FOREIGN:
             return (
                 "something listens there, but does not answer as a Zenoh router does",
-                "correct the port in --connect (usually 7447), use tls/ if it has certificates, or restart it if it hangs",
+                "correct the port in --connect (usually 7447), use tls/ if it has certificates, or restart it if hung",
             )
         case _:
             return "no answer from the router's machine", "is it on, in this network, and not behind a firewall?"

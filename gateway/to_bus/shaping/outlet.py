@@ -90,7 +90,7 @@ class Outlet:
 
     @property
     def counts(self) -> OutletCounts:
-        """What became of the messages so far."""
+        """Counts of the messages so far."""
         return OutletCounts(+self._dropped, self._bytes, self._compression)
 
     def put(self, message: codec.Message, *, may_be_last: bool = False) -> None:
