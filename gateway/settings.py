@@ -27,21 +27,21 @@ MAX_SERVICES: Final = 64
 
 MIB: Final = 1 << 20
 MOST_MIB: Final = 1024
-"""ROS 1's own nodes take no message of more than 1 GB."""
+"""ROS 1's own nodes accept no message over 1 GB."""
 
 
 def master_uri() -> str:
-    """Return ROS_MASTER_URI, or where a master listens by default."""
+    """Return ROS_MASTER_URI, or a master's default address."""
     return os.environ.get("ROS_MASTER_URI") or "http://127.0.0.1:11311"
 
 
 def host_variable() -> str | None:
-    """Return which of ROS's variables says what other ROS nodes are told to connect to, if one does."""
+    """Return the name of the ROS variable that sets this machine's host, if one does."""
     return next((name for name in ("ROS_HOSTNAME", "ROS_IP") if os.environ.get(name)), None)
 
 
 def host_name() -> str:
-    """Return ROS_HOSTNAME or ROS_IP, or this machine's name: what other ROS nodes are told to connect to."""
+    """Return the host that other ROS nodes connect to: ROS_HOSTNAME, ROS_IP or this machine's name."""
     variable = host_variable()
     return os.environ[variable] if variable else socket.gethostname()
 
@@ -147,7 +147,7 @@ def _pattern(pattern: str) -> str:
 
 
 class RosSettings(BaseModel):
-    """Fields on the robot's ROS graph and the node's place in it."""
+    """Settings of the robot's ROS graph and of the node in it."""
 
     heading: ClassVar = "ROS"
 
@@ -176,12 +176,12 @@ class RosSettings(BaseModel):
     ] = {}
 
     def host_given_by(self) -> str:
-        """Return what `ros_host` is from, as a person calls it."""
+        """Return the origin of `ros_host`: the option, a variable or the host name."""
         return "--ros-host" if "ros_host" in self.model_fields_set else host_variable() or "this machine's host name"
 
 
 class StreamSettings(BaseModel):
-    """Fields on which topics become streams."""
+    """Settings that select the topics that become streams."""
 
     heading: ClassVar = "streams"
 
@@ -230,12 +230,12 @@ class StreamSettings(BaseModel):
 
     @property
     def max_message_bytes(self) -> int:
-        """The largest ROS message that is read."""
+        """The largest ROS message that is read, in bytes."""
         return self.max_message_mib * MIB
 
 
 class ReturnSettings(BaseModel):
-    """Fields on what comes from the fleet to the robot."""
+    """Settings of messages from the fleet to the robot."""
 
     heading: ClassVar = "from the fleet to ROS"
 
@@ -307,30 +307,30 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
         yield CLOCK, "the time that the gateway itself follows (ros_time_ns in its status)"
 
     def is_passive(self, node: str) -> bool:
-        """Return whether a ROS node's subscriptions make no result wanted."""
+        """Return whether a ROS node is passive: its subscriptions request no results."""
         return re.fullmatch(self.passive_subscribers, node) is not None
 
     def listed_services(self) -> dict[str, str]:
-        """Return the type that each listed service must have, or `*`."""
+        """Return the required type of each listed service, or `*`."""
         return {name: kind or ANY for name, _, kind in (entry.partition("=") for entry in self.services)}
 
     def streams(self) -> dict[SensorKey, str]:
-        """Return the topic of every stream that is named here."""
+        """Return the topic of every named stream."""
         named = {f"{camera}/{Stream.COLOR}": topic for camera, topic in self.cameras.items()} | self.topics
         resolve = self.names().resolve
         return {sensor_key(self.robot, name): resolve(topic) for name, topic in named.items()}
 
     def names(self, node: str = "gateway") -> Names:
-        """Return what the ROS names in here mean to a node of the name, which `node_name` overrules."""
+        """Return the name resolution of a node with this name, or with `node_name` if that is set."""
         return Names(f"{self.namespace.rstrip('/')}/{self.node_name or node}", self.remap)
 
     def unused(self, names: Collection[str]) -> list[str]:
-        """Return which options are for streams that there are not, of those with these names: they may be misspelt."""
+        """Return the options for streams other than these, which may be misspelt."""
         rectified = (f"--rectified {name}" for name in self.rectified if name not in names)
         return [*self.unused_shaping(names), *rectified]
 
     def wishes(self) -> DiscoverySettings:
-        """Return what discovery is to do."""
+        """Return the settings of discovery."""
         return DiscoverySettings(
             self.robot,
             self.streams(),

@@ -1,10 +1,10 @@
-"""What a gateway uses ROS topics for: each has one use. Pure."""
+"""Checks that a gateway uses each ROS topic once. Pure."""
 
 from collections.abc import Iterable
 
 
 def check_uses(uses: Iterable[tuple[str, str]]) -> None:
-    """Check that no topic has two uses, of which each is given as the topic and, in words, what it is.
+    """Check that no topic has two uses; each use is a topic and its description.
 
     Raises:
         ValueError: naming both uses and the topic.

@@ -1,4 +1,4 @@
-"""Who wants a stream, and whether the running gateway gets it through. Pure."""
+"""Checks which streams are wanted, and whether the running gateway delivers them. Pure."""
 
 import re
 from collections.abc import Iterator
@@ -48,7 +48,7 @@ _LINKS: Final = {
 
 
 def check_demand(evidence: Evidence) -> Iterator[Finding]:
-    """Say of every stream whether it is wanted, and what becomes of it then."""
+    """Report for every stream whether it is wanted, and whether it is delivered then."""
     account = max(evidence.bus.accounts, key=lambda each: each.count, default=None)
     if account is None:
         return
@@ -56,7 +56,7 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
         now = _status_of(account.last.streams, stream.name)
         before = _status_of(account.first.streams, stream.name)
         if now is None and _has_no_picture(stream):
-            continue  # its sensor's finding says why the gateway does not offer it
+            continue  # the finding on its sensor says why the gateway does not offer it
         if now is None:
             yield problem(
                 Stage.DEMAND,
@@ -76,7 +76,7 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
 
 
 def check_recorders(evidence: Evidence) -> Iterator[Finding]:
-    """Say of the ROS nodes that subscribe to all of a gateway's results that they make all of them wanted."""
+    """Report ROS nodes that subscribe to all of a gateway's results and so request all of them."""
     graph = evidence.master.graph
     if graph is None:
         return
@@ -95,7 +95,7 @@ def check_recorders(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _has_no_picture(stream: StreamLook) -> bool:
-    """Whether a stream would be the colours of clouds that have none or are not organised, or of which none came."""
+    """Return whether a stream needs images from clouds that lack colours or organisation, or did not come."""
     colours = stream.special == kind_of(stream.key, of_points=True)
     return colours and (bool(stream.heard.unreadable) or not stream.heard.arrivals_s)
 

@@ -1,4 +1,4 @@
-"""The bus: routers, the robot's gateway, and what it says of itself. Pure."""
+"""Checks the bus: routers, the robot's gateway and its status. Pure."""
 
 import difflib
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ SKEW_S: Final = 1.0
 
 
 def check_presence(evidence: Evidence) -> Iterator[Finding]:
-    """Say whether the robot's gateway is on the bus, and alone under its name."""
+    """Check that the robot's gateway is on the bus, and the only one of its name."""
     bus, robot = evidence.bus, evidence.robot
     yield from _check_routers(bus)
     if _cut_off(bus):
@@ -35,7 +35,7 @@ def check_presence(evidence: Evidence) -> Iterator[Finding]:
 
 
 def check_fleet(bus: BusLook, seconds: float) -> Iterator[Finding]:
-    """Say which robots are on the bus, and how the gateway of each one is; seconds: how long it was listened to."""
+    """Report the robots on the bus and the state of their gateways. seconds: listening time."""
     yield from _check_routers(bus)
     if _cut_off(bus):
         return
@@ -66,7 +66,7 @@ def _offered(account: GatewayReport) -> str:
 
 
 def _check_gateways(robot: str, accounts: Sequence[GatewayReport], seconds: float) -> Iterator[Finding]:
-    """Say whether a robot has one gateway that speaks."""
+    """Check that a robot has exactly one gateway that sends a status."""
     if any(one.overlaps(other) for one, other in combinations(accounts, 2)):
         yield problem(
             Stage.GATEWAY,
@@ -84,7 +84,7 @@ def _check_gateways(robot: str, accounts: Sequence[GatewayReport], seconds: floa
 
 
 def _check_account(robot: str, account: GatewayReport, well: str) -> Iterator[Finding]:
-    """Say how a gateway is; well: what it does if all is well."""
+    """Report a gateway's state. well: its description if all is well."""
     if account.last.waiting_for:
         yield problem(
             Stage.GATEWAY,
@@ -113,7 +113,7 @@ def _check_routers(bus: BusLook) -> Iterator[Finding]:
 
 
 def _cut_off(bus: BusLook) -> bool:
-    """Return whether no endpoint answers and nobody was found without one."""
+    """Return whether no endpoint answers and scouting found no gateway."""
     return bool(bus.routers) and all(router.trouble for router in bus.routers) and not (bus.robots or bus.accounts)
 
 

@@ -1,4 +1,4 @@
-"""Settings of the doctor: the gateway's own, and how long it looks."""
+"""Settings of the doctor: the gateway's own, and time limits."""
 
 from typing import Annotated
 
@@ -34,5 +34,5 @@ class DoctorSettings(GatewaySettings):
     as_json: Annotated[bool, Field(alias="json", description="print one JSON object instead of text")] = False
 
     def streams(self) -> dict[SensorKey, str]:
-        """Return the topic of every stream that is named here; without a robot there is none."""
+        """Return the topic of every named stream; none without a robot."""
         return super().streams() if self.robot else {}
