@@ -108,7 +108,7 @@ class Explorer:
 
     @property
     def waiting_for(self) -> str:
-        """What the gateway waits for before it can offer anything, in words, or empty."""
+        """The things missing before the gateway can offer anything, in words, or empty."""
         return "" if self.plan.streams else "a camera, a lidar or transforms on the ROS graph"
 
     async def begin(self, offers: Offers) -> None:

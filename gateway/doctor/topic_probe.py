@@ -85,7 +85,7 @@ KEPT_BYTES: Final = 32 << 20
 
 @dataclass(frozen=True, slots=True)
 class Enough:
-    """How many messages of a publisher are awaited, and how many of the first ones are kept."""
+    """Numbers of messages of a publisher that are awaited, and of first ones that are kept."""
 
     heard: int
     kept: int

@@ -1,4 +1,4 @@
-"""Addresses as a person writes them: a master's, and the one under which other nodes reach this machine."""
+"""Addresses in settings: the master's, and the one at which other nodes reach this machine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _URI = re.compile(r"(?P<scheme>[a-z]+)://(?P<host>[^:]+|\[.+\]):(?P<port>[0-9]{1
 
 
 def validate_master_uri(text: str) -> str:
-    """Return a master's address without a slash at its end.
+    """Return a valid master's address, without a trailing slash.
 
     Raises:
         InvalidNameError: it does not look like `http://robot:11311`.
@@ -27,7 +27,7 @@ def validate_master_uri(text: str) -> str:
 
 
 def parse_rosrpc(uri: str) -> tuple[str, int]:
-    """Return host and port of a service's URI, as masters give it.
+    """Return host and port of a service's rosrpc URI.
 
     Raises:
         InvalidNameError: it does not look like `rosrpc://robot:40001`.
@@ -40,7 +40,7 @@ def parse_rosrpc(uri: str) -> tuple[str, int]:
 
 
 def parse_offer(answer: Any) -> tuple[str, int]:
-    """Return the host and port at which a publisher speaks TCPROS, given what it answers to requestTopic.
+    """Return host and port of a publisher's TCPROS server from its answer to requestTopic.
 
     Raises:
         InvalidNameError: it offers nothing of the kind.
@@ -53,7 +53,7 @@ def parse_offer(answer: Any) -> tuple[str, int]:
 
 
 def validate_host(text: str) -> str:
-    """Return a host's name or address, without the brackets in which a URI has one of IPv6.
+    """Return a valid host name or address; an IPv6 address without brackets.
 
     Raises:
         InvalidNameError: it is neither.
@@ -74,7 +74,7 @@ def _host_and_port(scheme: str, uri: str) -> tuple[str, int] | None:
 
 
 def _host(text: str) -> str | None:
-    """Return a host without brackets, which are IPv6's alone; None when it is none."""
+    """Return a host without the brackets of IPv6, or None if it is not valid."""
     if _NAME.fullmatch(text):
         return text
     address = text[1:-1] if text[:1] + text[-1:] == "[]" else text
