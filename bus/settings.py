@@ -17,7 +17,7 @@ WITH_TLS: Final = ("tls/", "quic/")
 def _endpoint(value: str) -> str:
     match = _ENDPOINT.fullmatch(value)
     if match is None or int(match["port"]) > 65535:
-        raise ValueError(f"{value!r} is no endpoint; write it like tcp/192.168.0.1:7447")
+        raise ValueError(f"{value!r} is not an endpoint; write it like tcp/192.168.0.1:7447")
     return value
 
 

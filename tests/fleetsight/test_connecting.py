@@ -54,7 +54,7 @@ async def test_a_name_that_does_not_resolve_is_the_cause() -> None:
 
 
 async def test_an_endpoint_that_is_none_is_refused_at_once() -> None:
-    with pytest.raises(fleetsight.SettingsError, match="connect: 'central' is no endpoint"):
+    with pytest.raises(fleetsight.SettingsError, match="connect: 'central' is not an endpoint"):
         async with fleetsight.connect("central"):
             raise AssertionError
 

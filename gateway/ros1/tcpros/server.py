@@ -84,7 +84,7 @@ class TcprosServer:
             async with asyncio.timeout(self._timeout):
                 event = await self._handshake(connection)
         except (WireError, OSError) as error:
-            log.warning("%s is no subscriber: %r", peer, error)
+            log.warning("%s is not a subscriber: %r", peer, error)
             return
         if isinstance(event, SubscriberRefused):
             log.warning("%s is refused: %s", peer, event.reason)

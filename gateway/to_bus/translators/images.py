@@ -69,7 +69,7 @@ def checked_depth(frame: ImageFrame) -> ImageFrame:
     if frame.encoding == "mono16":
         return msgspec.structs.replace(frame, encoding="16UC1")
     if frame.encoding not in DEPTH_ENCODINGS:
-        raise SchemaError(f"{frame.encoding} is no encoding of depth: use {' or '.join(sorted(DEPTH_ENCODINGS))}")
+        raise SchemaError(f"{frame.encoding} is not a depth encoding: use {' or '.join(sorted(DEPTH_ENCODINGS))}")
     return frame
 
 
