@@ -1,4 +1,4 @@
-"""What the bus offers; `bus.open_bus` gives the real one and `bus.fake.FakeNetwork` the one for tests."""
+"""The bus interface. `bus.open_bus` opens the real bus, `bus.fake.FakeNetwork` the one for tests."""
 
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
@@ -13,10 +13,10 @@ from bus.session.link_use import LinkUse
 
 
 class QoS(Enum):
-    """How a publisher's messages travel. None of them waits for a receiver."""
+    """Quality of service of a publisher. No message waits for a receiver."""
 
     IMAGE = "image"
-    """Best effort, low priority, dropped under congestion; one waits at most, the newest."""
+    """Best effort, low priority, dropped under congestion; only the newest message waits."""
     MESSAGE = "message"
     """Dropped under congestion. Small ones, of up to SMALL_BYTES, wait in order, at most SMALL_WAITING of them; they
     have the priority of STATUS, so they may overtake large ones. A large one travels like IMAGE and replaces all that
@@ -42,17 +42,17 @@ class Queue:
 
     def __post_init__(self) -> None:
         if self.depth < 1:
-            raise ValueError(f"a queue of {self.depth} holds nothing")
+            raise ValueError(f"a queue depth must be at least 1, not {self.depth}")
 
 
 LATEST: Final = Latest()
 QUEUE: Final = Queue
 
 SMALL_BYTES: Final = 64 << 10
-"""A larger payload of MESSAGE is not queued: the newest wins."""
+"""Largest payload of MESSAGE that is queued; of larger ones only the newest waits."""
 
 SMALL_WAITING: Final = 64
-"""How many small ones of MESSAGE wait at most."""
+"""Most small payloads of MESSAGE that wait."""
 
 DEFAULT_ENCODING: Final = "application/octet-stream"
 
@@ -84,7 +84,7 @@ class Presence:
 
 @dataclass(frozen=True, slots=True)
 class PublisherCounts:
-    """Messages put, and those among them dropped here before the link took them."""
+    """Counts of messages put, and of those dropped in this process before the link took them."""
 
     put: int
     dropped: int
@@ -92,7 +92,7 @@ class PublisherCounts:
 
 @dataclass(frozen=True, slots=True)
 class SubscriptionCounts:
-    """Samples that arrived, and those among them dropped here before they were taken.
+    """Counts of samples that arrived, and of those dropped in this process before they were taken.
 
     missed: those that never arrived, by the numbers of publishers of LATCHED, RESULT and STATUS. unread: those that
     arrived and of which whoever takes samples knows nothing: they wait, or went and were in no `replaced` yet.
@@ -105,15 +105,15 @@ class SubscriptionCounts:
 
 
 MAX_REQUEST_BYTES: Final = 16 * 1024 * 1024
-"""Largest payload of a request, and of a reply. Those over 1 MiB get lost where a link is slow or busy."""
+"""Largest payload of a request, and of a reply. Those over 1 MiB may be lost on a slow or busy link."""
 
 MAX_TIMEOUT_S: Final = 60.0
-"""Longest time that a request may take."""
+"""Longest timeout of a request."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What somebody asks; `received_ns` is `time.time_ns()` at arrival in this process."""
+    """A request as it arrived; `received_ns` is `time.time_ns()` at arrival in this process."""
 
     key: str
     payload: bytes
@@ -123,7 +123,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What a server answers."""
+    """A server's answer."""
 
     payload: bytes
     encoding: str = DEFAULT_ENCODING
@@ -135,7 +135,7 @@ Handler = Callable[[Request], Awaitable[Reply]]
 
 
 class Publisher(Protocol):
-    """Publishes on one key. To be used on the event loop's thread."""
+    """Publishes on one key. Event loop only."""
 
     @property
     def wanted(self) -> bool:
@@ -143,10 +143,10 @@ class Publisher(Protocol):
 
     @property
     def counts(self) -> PublisherCounts:
-        """What became of the messages so far."""
+        """Counts of the messages so far."""
 
     def put(self, payload: Payload) -> None:
-        """Hand a message over to be sent; it must not be changed afterwards.
+        """Queue a message for sending; it must not be changed afterwards.
 
         The message that finds a quick link slow may hold up its sender for some tens of milliseconds, once: the next
         ones, of any publisher, wait elsewhere until the link has been quick for a while.
@@ -163,7 +163,7 @@ class Subscription(Protocol):
 
     @property
     def counts(self) -> SubscriptionCounts:
-        """What became of the samples so far."""
+        """Counts of the samples so far."""
 
     def __aiter__(self) -> Self: ...
 
@@ -176,7 +176,7 @@ class Subscription(Protocol):
         """
 
     def batches(self, most: int) -> AsyncIterator[list[Sample]]:
-        """Iterate over what is there at once, in order, `most` samples at most: where many come, each costs less so.
+        """Iterate over batches of up to `most` waiting samples, in order; cheaper per sample at high rates.
 
         Raises:
             BusError: another task is waiting here already.
@@ -203,7 +203,7 @@ class Watch(Protocol):
 
 
 class Bus(Protocol):
-    """One process's place on the bus. To be used on the event loop's thread.
+    """One process's connection to the bus. Event loop only.
 
     Entering a context declares, leaving it undeclares. While there is no link yet entering returns at once and the
     declaration is made when the link is there; links that break are rebuilt and declarations made again without
@@ -212,11 +212,11 @@ class Bus(Protocol):
 
     @property
     def link_problem(self) -> str:
-        """Why nobody can be heard, in words; empty while there is a link, or nobody that settings say to connect to."""
+        """Why the bus has no link, in words; empty while it has one or the settings name no endpoint to connect to."""
 
     @property
     def links(self) -> LinkUse:
-        """The links that this process has to others, whoever sought them, and how many it may have."""
+        """The number of links to other processes, incoming and outgoing, and its limit."""
 
     def publisher(
         self,
@@ -228,7 +228,7 @@ class Bus(Protocol):
         kept: int = 1,
         on_demand: Callable[[bool], None] | None = None,
     ) -> AbstractAsyncContextManager[Publisher]:
-        """Publish on one key. `on_demand` is called on the event loop whenever `wanted` changes, until leaving.
+        """Publish on one key until the context ends. `on_demand` is called on the event loop when `wanted` changes.
 
         kept: how many messages, the newest, are there for late subscribers and for those whose link was cut.
         Leaving waits up to a second for what was put to be handed to the link.
@@ -249,15 +249,15 @@ class Bus(Protocol):
         """
 
     def announce(self, key: str, /) -> AbstractAsyncContextManager[None]:
-        """Be present under a key, which is this process's alone, until leaving or until the process is gone."""
+        """Declare a presence token under a key of this process alone, until the context or the process ends."""
 
     def watch(self, key_expr: str, /, *, few: bool = False) -> AbstractAsyncContextManager[Watch]:
-        """See who is present under a key expression. few: see `subscribe`."""
+        """Watch the presence tokens under a key expression. few: see `subscribe`."""
 
     def serve(
         self, key_expr: str, handler: Handler, /, *, at_once: int = 1, waiting: int = 16
     ) -> AbstractAsyncContextManager[None]:
-        """Answer requests for the keys of an expression until leaving, which cancels the handlers.
+        """Answer requests for the keys of an expression until the context ends, which cancels the handlers.
 
         At most `at_once` handlers run and `waiting` requests wait for one, the longest first; whoever comes then is
         refused at once. A key that several members serve is answered by one of them; the other takes over when it goes.
@@ -267,7 +267,7 @@ class Bus(Protocol):
     async def request(
         self, key: str, payload: bytes | bytearray = b"", /, *, encoding: str = DEFAULT_ENCODING, timeout_s: float
     ) -> Reply:
-        """Ask whoever serves a key. An answer that comes too late is ignored; a server drops what it can no longer do.
+        """Send a request to the server of a key. Late answers are ignored; a server drops expired requests.
 
         timeout_s: at most MAX_TIMEOUT_S.
 

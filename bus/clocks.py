@@ -1,4 +1,4 @@
-"""The clock that processes read, and how far another machine's clock is ahead of it."""
+"""The machine's clock, and the offset of another machine's clock."""
 
 import socket
 from collections import deque
@@ -19,18 +19,18 @@ def clock_id() -> str:
 
 
 MAX_DRIFT: Final = 1e-4
-"""How fast two clocks part at most, in seconds a second: twice what a bad quartz is off."""
+"""Fastest drift between two clocks, in seconds a second: twice that of a poor quartz."""
 
 ROUNDED_NS: Final = 2
-"""What whole nanoseconds, theirs and ours, leave uncertain."""
+"""Uncertainty from rounding both clocks to whole nanoseconds."""
 
 WINDOW: Final = 16
-"""How many exchanges are remembered."""
+"""Exchanges that are remembered."""
 
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """One question and its answer: asked and answered on our clock, received and sent on theirs, nanoseconds."""
+    """One request and its answer, in ns: asked and answered on our clock, received and sent on theirs."""
 
     asked_ns: int
     received_ns: int
@@ -39,12 +39,12 @@ class Exchange:
 
     @property
     def round_trip_ns(self) -> int:
-        """Time spent on the way, both ways together; below zero by what their clock is faster than ours, at most."""
+        """Travel time of both ways together; negative only by as much as their clock runs faster than ours."""
         return (self.answered_ns - self.asked_ns) - (self.sent_ns - self.received_ns)
 
     @property
     def in_order(self) -> bool:
-        """Whether both clocks went forward, theirs no further than ours but for its drift; if not, one was set."""
+        """Whether both clocks advanced, theirs by no more than ours plus drift; if not, one of them was set."""
         drifted_ns = (self.answered_ns - self.asked_ns) * MAX_DRIFT + 1
         return (
             self.asked_ns <= self.answered_ns and self.received_ns <= self.sent_ns and self.round_trip_ns >= -drifted_ns
@@ -53,20 +53,20 @@ class Exchange:
 
 @dataclass(frozen=True, slots=True)
 class Offset:
-    """Their clock less ours: within `uncertainty_ns` of `offset_ns`, whatever the ways there and back took."""
+    """Their clock minus ours: within `uncertainty_ns` of `offset_ns`, however asymmetric the travel times."""
 
     offset_ns: int
     uncertainty_ns: int
 
 
 class ClockOffset:
-    """Follows one other clock. The exchange that says most counts: a short round trip, and not too long ago."""
+    """Estimates the offset of one other clock from the best exchange: a short round trip, not too long ago."""
 
     def __init__(self) -> None:
         self._exchanges: deque[Exchange] = deque(maxlen=WINDOW)
 
     def add(self, exchange: Exchange) -> None:
-        """Take an exchange; one that contradicts the earlier ones tells that a clock was set, so they are forgotten."""
+        """Add an exchange; if it contradicts the earlier ones, a clock was set, and they are forgotten."""
         if not exchange.in_order:
             return
         earlier, now = self.at(exchange.answered_ns), _seen(exchange, exchange.answered_ns)
@@ -75,13 +75,13 @@ class ClockOffset:
         self._exchanges.append(exchange)
 
     def at(self, now_ns: int) -> Offset | None:
-        """Return what is known at `now_ns` on our clock, or None before the first exchange."""
+        """Return the offset at `now_ns` on our clock, or None before the first exchange."""
         offsets = (_seen(exchange, now_ns) for exchange in self._exchanges)
         return min(offsets, key=lambda offset: offset.uncertainty_ns, default=None)
 
 
 def _seen(exchange: Exchange, now_ns: int) -> Offset:
-    """Return what an exchange says at `now_ns`."""
+    """Return the offset at `now_ns` according to one exchange."""
     ahead_ns = (exchange.received_ns - exchange.asked_ns) + (exchange.sent_ns - exchange.answered_ns)
     drifted_ns = abs(now_ns - exchange.asked_ns) * MAX_DRIFT
     return Offset(ahead_ns // 2, max(0, exchange.round_trip_ns) // 2 + ceil(drifted_ns) + ROUNDED_NS)

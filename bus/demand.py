@@ -1,4 +1,4 @@
-"""Demand: whether anybody wants a publisher's messages, and work that runs only while somebody does."""
+"""Demand for a publisher's messages, and work that runs only while there is demand."""
 
 import asyncio
 import threading
@@ -9,7 +9,7 @@ from bus.delivery.inbox import call_soon
 
 
 class Demand:
-    """The newest word on a publisher's demand; changes in between are merged."""
+    """The current demand for a publisher; changes in quick succession are merged."""
 
     def __init__(self, loop: AbstractEventLoop, on_demand: Callable[[bool], None] | None) -> None:
         self._loop = loop
@@ -22,7 +22,7 @@ class Demand:
         self.wanted = False
 
     def offer(self, *, wanted: bool, initial: bool = False) -> None:
-        """Tell the demand; an `initial` word loses against anything heard before. Any thread."""
+        """Set the demand; an `initial` value is ignored if one was set before. Any thread."""
         with self._lock:
             if initial and self._heard:
                 return
@@ -34,13 +34,13 @@ class Demand:
         call_soon(self._loop, self._tell)
 
     def forget(self) -> None:
-        """Take it that nobody wants anything until the next word, which may be an initial one. Any thread."""
+        """Assume no demand until the next value, which may be an initial one. Any thread."""
         self.offer(wanted=False)
         with self._lock:
             self._heard = False
 
     def end(self) -> None:
-        """Tell nothing more. Event loop only."""
+        """Stop reporting demand. Event loop only."""
         self._ended = True
         self.wanted = False
 
@@ -56,7 +56,7 @@ class Demand:
 
 
 class SharedDemand:
-    """Whether any of several publishers is wanted. To be used on the event loop's thread."""
+    """The joint demand for several publishers. Event loop only."""
 
     def __init__(self) -> None:
         self._wanted: set[str] = set()

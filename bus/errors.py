@@ -1,4 +1,4 @@
-"""Every error this package raises on purpose.
+"""Errors that this package raises.
 
 BusError
 ├── BusClosedError
@@ -18,11 +18,11 @@ class BusClosedError(BusError):
 
 
 class RequestError(BusError):
-    """A request was not answered as it was meant to be. The text is for who asked, and does not repeat the key."""
+    """A request failed. The text is for the caller and does not repeat the key."""
 
 
 class NotServedError(RequestError):
-    """Nobody serves the key, or whoever did went away before answering."""
+    """No server has the key, or it left before answering."""
 
 
 class RequestTimeoutError(RequestError):

@@ -1,4 +1,4 @@
-"""A bus in memory for tests: it keeps the promises of `bus.api` without threads or sockets, and loses nothing."""
+"""An in-memory bus for tests: it follows `bus.api` without threads or sockets, and loses no message."""
 
 import asyncio
 import time
@@ -36,7 +36,7 @@ class _FakeToken:
         self.key = key
 
     def end(self) -> None:
-        """Nothing is taken out of a presence."""
+        """Do nothing: a presence has no reader."""
 
 
 class _FakeSubscription(SampleReader):
@@ -73,7 +73,7 @@ H = TypeVar("H", _FakeToken, _FakeSubscription, _FakeWatch, _FakePublisher, Serv
 
 
 class FakeNetwork:
-    """What connects fake buses with each other."""
+    """The network that connects fake buses."""
 
     def __init__(self) -> None:
         self._handles: list[_Handle] = []
@@ -88,11 +88,11 @@ class FakeNetwork:
             bus.close()
 
     def matching(self, key_expr: str, kind: type[H]) -> list[H]:
-        """Return the declared things of a kind that a key expression reaches."""
+        """Return the declarations of a kind that match a key expression."""
         return [handle for handle in self._handles if isinstance(handle, kind) and matches(handle.key, key_expr)]
 
     def add(self, handle: _Handle) -> None:
-        """Declare, and tell those concerned."""
+        """Add a declaration and notify matching ones."""
         self._handles.append(handle)
         match handle:
             case _FakeSubscription():
@@ -109,14 +109,14 @@ class FakeNetwork:
         self._tell_publishers()
 
     def remove(self, handle: _Handle) -> None:
-        """Undeclare, and tell those concerned."""
+        """Remove a declaration and notify matching ones."""
         self._handles.remove(handle)
         if isinstance(handle, _FakeToken):
             self._tell_watches(handle.key, alive=False)
         self._tell_publishers()
 
     def ask(self, asking: PendingRequest) -> None:
-        """Have one of those who serve the key answer."""
+        """Pass a request to one of the key's servers."""
 
         def answer(outcome: Reply | str | None) -> None:
             match outcome:

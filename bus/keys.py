@@ -15,7 +15,7 @@ def key_expression(text: str) -> str:
     try:
         return str(zenoh.KeyExpr(text))
     except (zenoh.ZError, UnicodeEncodeError) as error:
-        raise BusError(f"{text!r} is no key expression") from error
+        raise BusError(f"{text!r} is not a key expression") from error
 
 
 def single_key(text: str) -> str:
@@ -26,10 +26,10 @@ def single_key(text: str) -> str:
 
     """
     if "*" in text:
-        raise BusError(f"{text!r} has a wildcard where one key is needed")
+        raise BusError(f"{text!r} has a wildcard; a single key is needed")
     return key_expression(text)
 
 
 def matches(key_expr: str, other: str) -> bool:
-    """Whether some key is in both; both must be valid."""
+    """Return whether two valid key expressions have a key in common."""
     return zenoh.KeyExpr(key_expr).intersects(other)

@@ -1,4 +1,4 @@
-"""Status messages that a process publishes about itself while it runs, and the version it names in them."""
+"""Periodic status messages of a process, and the version in them."""
 
 import asyncio
 import logging
@@ -18,13 +18,13 @@ log = logging.getLogger(__name__)
 STATUS_PERIOD_S: Final = 1.0
 
 COMPLAIN_S: Final = 30.0
-"""How long nothing more is said of statuses that cannot be sent."""
+"""Shortest interval between log messages on statuses that cannot be sent."""
 
 S = TypeVar("S", GatewayStatus, WorkerStatus)
 
 
 async def report(bus: Bus, key: str, kind: type[S], status: Callable[[], S]) -> None:
-    """Publish a status every STATUS_PERIOD_S until cancelled, and then once more.
+    """Publish a status every STATUS_PERIOD_S until cancelled, and a final one then.
 
     One that cannot be encoded is left out: the process does its work without it.
     """
@@ -39,7 +39,7 @@ async def report(bus: Bus, key: str, kind: type[S], status: Callable[[], S]) -> 
                 now_s = asyncio.get_running_loop().time()
                 if now_s - complained_s >= COMPLAIN_S:
                     complained_s = now_s
-                    log.error("%s: a status that cannot be sent: %s", key, error)  # noqa: TRY400 - no stack says more
+                    log.error("%s: status not sent: %s", key, error)  # noqa: TRY400 - no stack says more
             else:
                 publisher.put(payload)
 

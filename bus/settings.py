@@ -1,4 +1,4 @@
-"""How a process joins the bus. Plain data: whoever builds it reads environment, files and arguments."""
+"""Settings for joining the bus. Plain data: the caller reads environment, files and arguments."""
 
 import re
 import stat
@@ -17,7 +17,7 @@ WITH_TLS: Final = ("tls/", "quic/")
 def _endpoint(value: str) -> str:
     match = _ENDPOINT.fullmatch(value)
     if match is None or int(match["port"]) > 65535:
-        raise ValueError(f"{value!r} is no endpoint; write it like tcp/192.168.0.1:7447")
+        raise ValueError(f"{value!r} is not an endpoint; write it like tcp/192.168.0.1:7447")
     return value
 
 
@@ -41,7 +41,7 @@ File = Annotated[Path, AfterValidator(_file)]
 
 
 class BusSettings(BaseModel):
-    """Fields that every process on the bus has. Routers and scouts connect nowhere unless `connect` is given."""
+    """Settings of every process on the bus. Routers and scouts connect nowhere unless `connect` is given."""
 
     heading: ClassVar = "Zenoh"
 
@@ -56,7 +56,7 @@ class BusSettings(BaseModel):
     )
     scouting: bool = Field(
         default=False,
-        description="find routers and peers on the local network by multicast; a client does unless it has --connect",
+        description="find routers and peers by multicast on the local network; default for a client without --connect",
     )
     shared_memory: bool = Field(
         default=True,
@@ -67,7 +67,7 @@ class BusSettings(BaseModel):
     )
 
     tls_ca: File | None = Field(
-        default=None, description="certificate of the authority that both ends of a tls/ link must have theirs from"
+        default=None, description="certificate of the authority (CA) that issued both ends' certificates of a tls/ link"
     )
     tls_certificate: File | None = Field(default=None, description="this process's certificate for tls/ links")
     tls_key: File | None = Field(default=None, description="the private key of that certificate")

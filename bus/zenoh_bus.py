@@ -37,7 +37,7 @@ H = TypeVar("H", bound=_Handle)
 
 @asynccontextmanager
 async def open_bus(settings: BusSettings, *, own_process: bool = True) -> AsyncIterator[Bus]:
-    """Open the bus; leaving closes it within CLOSE_DEADLINE_S, whatever became of the links.
+    """Open the bus; leaving the context closes it within CLOSE_DEADLINE_S, whatever the state of its links.
 
     A client whose router is not there yet waits for it in the background; so do peers and routers.
 
@@ -62,14 +62,14 @@ def _shareable(settings: BusSettings) -> BusSettings:
     if not settings.shared_memory or may_lock(SHAREABLE_BYTES):
         return settings
     _log.info(
-        "no shared memory: that takes leave to lock %d MiB (ulimit -l); frames go through sockets",
+        "no shared memory: the process may not lock %d MiB, so frames go through sockets; raise ulimit -l",
         SHAREABLE_BYTES >> 20,
     )
     return settings.model_copy(update={"shared_memory": False})
 
 
 class ZenohBus:
-    """See `bus.api.Bus`. To be made on a running event loop and closed there."""
+    """See `bus.api.Bus`. Create and close it on the same running event loop."""
 
     def __init__(self, settings: BusSettings, links: int) -> None:
         self._loop = asyncio.get_running_loop()
@@ -189,9 +189,9 @@ class ZenohBus:
             await self._settle(self._session.drop(handle))
 
     async def _settle(self, work: Future[None]) -> None:
-        """Wait for clean-up that gets done by its thread even if this wait is cancelled or takes too long."""
+        """Wait for clean-up on its thread, which continues even if this wait is cancelled or times out."""
         try:
             async with asyncio.timeout(CLOSE_DEADLINE_S):
                 await asyncio.shield(asyncio.wrap_future(work))
         except TimeoutError:
-            _log.warning("the bus did not close within %.0f s; its thread is left behind", CLOSE_DEADLINE_S)
+            _log.warning("the bus did not close within %.0f s; its thread is abandoned", CLOSE_DEADLINE_S)

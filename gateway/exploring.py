@@ -1,4 +1,4 @@
-"""Follow the ROS graph: what is published there decides what is offered."""
+"""Follows the ROS graph and offers streams for the topics published there."""
 
 import asyncio
 import logging
@@ -23,7 +23,7 @@ MAX_SHOWN: Final = 80
 
 
 def changes(now: Plan, before: Plan = NO_PLAN) -> list[str]:
-    """Return a line for each stream that is new, changed or gone, and for each reason why topics are left out now."""
+    """Return a log line for each new, changed or gone stream, and for each reason to leave topics out."""
     return [*_streams(now, before), *_gone(now, before), *_left_out(now.left_out, before.left_out)]
 
 
@@ -44,7 +44,7 @@ def _gone(now: Plan, before: Plan) -> Iterator[str]:
 
 
 def _fate(topic: str, now: Plan) -> str:
-    """Say what a topic is that was another stream's."""
+    """Return in words what has become of a stream's former topic."""
     user = next((key for key, source in now.streams.items() if source.topic == topic), None)
     if user is None:
         return f"{topic} is {'left out' if topic in now.left_out else 'gone'}"
@@ -73,11 +73,11 @@ def _shown(topic: str) -> str:
 log = logging.getLogger(__name__)
 
 TYPES_EVERY: Final = 10
-"""Looks after which types are asked for although nothing else has changed: a node may come back with another type."""
+"""Looks at the master between requests of types without a change: a node may return with another type."""
 
 
 class Explorer:
-    """Keeps the plan current, and says in the log what it takes, what not, and every change.
+    """Keeps the plan current, and logs its streams, left-out topics and changes.
 
     Where only an image's pixels say whether it is colour or depth, one message of it is looked at first; and the clouds
     of a camera without another colour give it one once the first points that come are a picture.
@@ -108,17 +108,17 @@ class Explorer:
 
     @property
     def waiting_for(self) -> str:
-        """What there must be before anything can be offered, in words, or nothing."""
+        """The things missing before the gateway can offer anything, in words, or empty."""
         return "" if self.plan.streams else "a camera, a lidar or transforms on the ROS graph"
 
     async def begin(self, offers: Offers) -> None:
-        """Offer what the settings name, whether there is a master or not."""
+        """Offer the streams that the settings name, with or without a master."""
         if not self._wishes.discover:
             log.info("only the streams that the settings name are offered; --discover finds others as well")
         await self._follow(self.plan, offers, changes(self.plan))
 
     async def run(self, offers: Offers) -> None:
-        """Let `offers` follow the plan, for ever."""
+        """Keep `offers` in line with the plan, forever."""
         async with asyncio.TaskGroup() as group:
 
             async def replan() -> None:
@@ -144,11 +144,11 @@ class Explorer:
             awaited = images.listen(self._unclear)
             topics = [_until_heard(topic) for topic in known if image_of(topic.name) not in awaited]
             if topics != self._planned:
-                # Of thousands of topics it takes a second.
+                # With thousands of topics it takes a second.
                 now = await asyncio.to_thread(plan, topics, self._wishes, self.plan)
                 await self._follow(now, offers, changes(now, self.plan))
                 self._planned = topics
-            if not awaited:  # an image may be the colour
+            if not awaited:  # an image may become the colour
                 clouds.listen(unclear_clouds(known, self._wishes, self.plan))
 
     async def _see(self, look: MasterState) -> None:
@@ -160,7 +160,7 @@ class Explorer:
         ):
             types = await self._node.master.get_topic_types()
             self._pid = await self._node.master.get_pid()
-            # What a new master does not know yet stays what it was.
+            # Topics that a new master does not know yet keep their type.
             self._types = {name: types.get(name, self._types.get(name, "")) for name in publishers}
             self._publishers = publishers
         topics = topics_of(publishers, self._types)
@@ -178,16 +178,16 @@ class Explorer:
         if unused != self._said_unused:
             self._said_unused = unused
             if unused:
-                log.info("for no stream that there is: %s", ", ".join(unused))
+                log.info("no such stream: %s", ", ".join(unused))
         await offers.change(now)
 
 
 def _until_heard(topic: Topic) -> Topic:
-    """Return a cloud of which no points have come as no picture: late colour is better than colour that goes."""
+    """Return clouds without any points yet as not organised: late colour is better than colour that vanishes."""
     return replace(topic, encoding=UNKNOWN) if topic.type == POINT_CLOUD and not topic.encoding else topic
 
 
 def _without(node: str, publishers: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
-    """Leave out what only the node itself publishes, whatever its settings call it."""
+    """Return the topics without those that only this node publishes."""
     others = {topic: tuple(name for name in names if name != node) for topic, names in publishers.items()}
     return {topic: names for topic, names in others.items() if names}

@@ -1,4 +1,4 @@
-"""Names of gateways and robots on a ROS graph, and the stale registrations of gateways that were killed."""
+"""Node names of gateways on a ROS graph, and clean-up after killed gateways."""
 
 import logging
 import re
@@ -13,22 +13,22 @@ PREFIX: Final = "fleetsight_gateway_"
 
 
 def ros_chunk(name: str) -> str:
-    """Return a name of ours as a chunk of a ROS name can have it; several names may become one."""
+    """Return a robot's or camera's name as a legal chunk of a ROS name; several names may give one chunk."""
     return re.sub("[^A-Za-z0-9_]", "_", name)
 
 
 def node_name(robot: str, boot_id: str) -> str:
-    """Return a ROS node name that no other process has: a master ends the older of two namesakes."""
+    """Return a unique ROS node name: a master shuts down the older of two nodes with one name."""
     return f"{PREFIX}{ros_chunk(robot)}_{boot_id[:8]}"
 
 
 def is_of(node: str, robot: str) -> bool:
-    """Whether a ROS node, by its global name, is a gateway of the robot that `node_name` named."""
+    """Return whether a node's global name is one that `node_name` gives the robot's gateways."""
     return re.fullmatch(f"{PREFIX}{ros_chunk(robot)}_[0-9a-f]{{8}}", node.rpartition("/")[2]) is not None
 
 
 def is_gateway(node: str) -> bool:
-    """Whether a ROS node is a gateway, this robot's or another one's, by its global name."""
+    """Return whether a node's global name is a gateway's, of any robot."""
     return node.rpartition("/")[2].startswith(PREFIX)
 
 
@@ -36,7 +36,7 @@ log = logging.getLogger(__name__)
 
 
 async def clear_predecessors(node: Node, robot: str) -> None:
-    """Once the master has answered, unregister the robot's gateways that are dead, but for those with a name given."""
+    """Once the master answers, unregister the robot's dead gateways, except those with a configured name."""
     async with aclosing(node.looks()) as looks:
         look = await anext(looks)
     for name in sorted(look.state.nodes() - {node.name}):
@@ -47,6 +47,6 @@ async def clear_predecessors(node: Node, robot: str) -> None:
 async def _clear(node: Node, name: str, state: SystemState) -> None:
     try:
         if await node.unregister_dead(name, state):
-            log.info("%s is no more: it was killed and is unregistered now", name)
+            log.info("%s was killed: it is unregistered from the ROS master", name)
     except Ros1Error as error:
         log.warning("%s stays registered at the ROS master: %s", name, error)

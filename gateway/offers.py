@@ -1,4 +1,4 @@
-"""The streams that are offered on the bus, and the results that are offered on ROS: a set that changes."""
+"""Manages the streams offered on the bus and the results offered on ROS as the plan changes."""
 
 import asyncio
 import logging
@@ -26,12 +26,12 @@ from schemas.status import ReturnStatus, StreamStatus
 log = logging.getLogger(__name__)
 
 MAX_RETURNED: Final = 100
-"""Cameras whose results are returned at a time: a status lists MAX_STREAMS returns, several for each camera."""
+"""Most cameras with returned results: a status lists MAX_STREAMS returns, several for each camera."""
 
 
 @dataclass(slots=True)
 class _Offer:
-    """One stream on the bus. forward: there from when it is offered until it is withdrawn."""
+    """One stream on the bus. forward: set while it is offered."""
 
     task: asyncio.Task[None]
     topic: str
@@ -50,7 +50,7 @@ class _Results:
 
 
 class Offers:
-    """What a gateway offers now.
+    """The streams and results that a gateway offers now.
 
     A stream that is withdrawn and offered again counts on, whatever its topic: its numbers identify frames. So every
     stream is remembered that there ever was; they are few, as plans name MAX_CAMERAS cameras in a gateway's life.
@@ -85,19 +85,19 @@ class Offers:
         self._returned: dict[CameraKey, list[StreamReturn[Any]]] = {}
 
     def streams(self) -> list[StreamStatus]:
-        """Account for the streams that are offered."""
+        """Return the status of each offered stream."""
         return [offer.forward.status() for _, offer in sorted(self._offers.items(), key=_by_key) if offer.forward]
 
     def withdrawn(self) -> Counter[str]:
-        """Return the messages of streams that are no longer offered which were dropped, by reason."""
+        """Return the counts of dropped messages of withdrawn streams, by reason."""
         return +self._withdrawn
 
     def returns(self) -> list[ReturnStatus]:
-        """Account for the results that are returned."""
+        """Return the status of each returned result."""
         return [returned.status() for _, results in sorted(self._results.items()) for returned in results.returns]
 
     async def change(self, plan: Plan) -> None:
-        """Withdraw what is not planned, then offer what is; returns when that is done. One call at a time."""
+        """Withdraw streams that are not planned, then offer the planned ones. One call at a time."""
         await self._withdraw(
             key
             for key, offer in self._offers.items()
@@ -169,7 +169,7 @@ class Offers:
         self._results[camera] = _Results(streams, returns, tasks)
 
     def _returnable(self, camera: CameraKey, plan: Plan) -> list[StreamReturn[Any]]:
-        """Return a camera's results without those that, remapped, would be taken for what sensors send."""
+        """Return a camera's results without those that remapping turns into sensors' topics."""
         taken = {source.topic for source in plan.streams.values()}
         return [stream for stream in self._returned[camera] if taken.isdisjoint(stream.topics.values())]
 

@@ -1,4 +1,4 @@
-"""The gateway process: one ROS node, one place on the bus, and the streams between them, both ways."""
+"""The gateway process: one ROS node, one bus connection, and the streams between them, both ways."""
 
 import asyncio
 import logging
@@ -38,7 +38,7 @@ from schemas.status import GatewayStatus
 
 @dataclass(frozen=True, slots=True)
 class GatewayCounters:
-    """Everything in a gateway that its status tells of. returns: those of the whole robot."""
+    """All counters in a gateway's status. returns: those of the whole robot."""
 
     settings: GatewaySettings
     boot_id: str
@@ -50,7 +50,7 @@ class GatewayCounters:
     returns: Sequence[Return[Any]]
 
     def status(self) -> GatewayStatus:
-        """Account for everything so far."""
+        """Return the gateway's status."""
         return GatewayStatus(
             robot=self.settings.robot,
             boot_id=self.boot_id,
@@ -73,7 +73,7 @@ class GatewayCounters:
 
 @contextmanager
 def giving_way() -> Iterator[None]:
-    """Have this thread, and those that it starts, interrupt no program when they wake up (SCHED_BATCH).
+    """Run this thread and its children under SCHED_BATCH, so that they preempt no program when they wake up.
 
     They wait for a processor that is idle, or until another program's turn is over, which takes milliseconds. That also
     keeps the threads of a gateway from interrupting each other: sending an image then takes fewer turns. What has been
@@ -88,7 +88,7 @@ def giving_way() -> Iterator[None]:
 
 
 def _changed(before: int, after: int) -> bool:
-    """Change this thread's policy if it is `before`; return whether that was done. Some sandboxes know no policies."""
+    """Change this thread's policy if it is `before`; return whether it changed. Some sandboxes forbid it."""
     with suppress(OSError):
         if os.sched_getscheduler(0) == before:
             os.sched_setscheduler(0, after, os.sched_param(0))
@@ -97,13 +97,13 @@ def _changed(before: int, after: int) -> bool:
 
 
 LOOKUP_S: Final = 10.0
-"""How long the host's name may take to be looked up."""
+"""Longest time to look up the host's name."""
 
 log = logging.getLogger(__name__)
 
 
 async def warn_of_own_host(settings: RosSettings) -> None:
-    """Log what the doctor would call a problem of `ros_host`, and what it was given by."""
+    """Log the doctor's problem with `ros_host`, if any, and the origin of the setting."""
     look = await look_at_host(settings.ros_host, LOOKUP_S)
     for finding in check_host(look, remote_master=False):
         if finding.severity is Severity.PROBLEM:
@@ -114,7 +114,7 @@ SHUT_DOWN_BY_MASTER = 1
 
 
 class HostError(Exception):
-    """Other ROS nodes cannot reach this machine where the settings say."""
+    """Other ROS nodes cannot reach this machine at the host in the settings."""
 
 
 async def run(settings: GatewaySettings) -> int:

@@ -1,4 +1,4 @@
-"""Requests that a gateway answers: what its clock shows, and calls of the ROS services that its settings allow."""
+"""Requests that a gateway answers: its clock, and calls of the ROS services that its settings allow."""
 
 import asyncio
 import logging
@@ -29,7 +29,7 @@ from schemas.ros import MAX_ANSWER_TEXT, ServiceRequest, ServiceResponse
 
 
 def clock_handler(robot: str, boot_id: str, ros_ns: Callable[[], int | None]) -> Handler:
-    """Return what answers requests for the robot's clock; `ros_ns` tells ROS time where it is not the system's."""
+    """Return the handler of clock requests; `ros_ns` returns ROS time if it is not the system's."""
     name = clock_id()
 
     async def answer(request: Request) -> Reply:
@@ -47,7 +47,7 @@ def clock_handler(robot: str, boot_id: str, ros_ns: Callable[[], int | None]) ->
 
 
 def request_for(kind: TopicType, asked: ServiceRequest) -> bytes:
-    """Return the serialised request for a service that turned out to be of a type.
+    """Return the serialised request for a service of the type that it reports.
 
     Raises:
         MessageError: what is asked does not fit the type.
@@ -60,7 +60,7 @@ def request_for(kind: TopicType, asked: ServiceRequest) -> bytes:
 
 
 def response_of(answer: ServiceAnswer) -> ServiceResponse:
-    """Return a service's answer as a message.
+    """Return a service's response as a message.
 
     Raises:
         MessageError: it is not what its type says.
@@ -78,15 +78,15 @@ def response_of(answer: ServiceAnswer) -> ServiceResponse:
 log = logging.getLogger(__name__)
 
 WAITING: Final = 8
-"""How many calls of one service wait for the one that is under way."""
+"""Most calls of one service that wait for the current one."""
 
 UNLISTED: Final = 8
-"""How many requests for services that are not listed are refused at once."""
+"""Requests for unlisted services that are refused at a time."""
 
 
 @dataclass(slots=True)
 class _Line:
-    """Those who wait for one service."""
+    """The queue of one service."""
 
     turn: asyncio.Lock = field(default_factory=asyncio.Lock)
     length: int = 0
@@ -106,7 +106,7 @@ class ServiceCalls:
 
     @property
     def at_once(self) -> int:
-        """How many requests there is room for."""
+        """The number of requests handled at once."""
         return len(self._listed) * (1 + WAITING) + UNLISTED
 
     async def __call__(self, request: Request) -> Reply:
@@ -145,7 +145,7 @@ class ServiceCalls:
             )
             response = response_of(answer)
         except (Ros1Error, SchemaError) as error:
-            log.warning("%s was called for the fleet in vain: %s", service, error)
+            log.warning("%s: a call for the fleet failed: %s", service, error)
             raise RefusedError(str(error)) from error
         log.debug("%s was called for the fleet", service)
         return Reply(codec.encode(response), codec.encoding(ServiceResponse))

@@ -1,4 +1,4 @@
-"""Listens to topics whose names do not tell what they are, until a message does."""
+"""Samples topics whose names do not tell their content, until a message does."""
 
 import asyncio
 import logging
@@ -16,17 +16,17 @@ from gateway.to_bus.translators.pixel_encoding import CLOUDS, IMAGES, UNKNOWN, e
 log = logging.getLogger(__name__)
 
 PATIENCE_S: Final = 2.0
-"""How long a topic that nobody sends is waited for; then others are no longer to wait for it."""
+"""Longest wait for a silent topic; then others no longer wait for it."""
 
 MAX_AT_ONCE: Final = 64
-"""How many topics a sampler listens to at once; of others nothing is known."""
+"""Most topics sampled at once; further ones stay unknown."""
 
 _Sampled = tuple[str, str]
-"""A topic's name and type: who else publishes it makes nothing else of it."""
+"""A topic's name and type; its publishers do not matter."""
 
 
 class Sampler:
-    """Knows the encodings of images, and of the pictures in clouds, of which a message was heard.
+    """Finds the encodings of images, and of images in clouds, from their messages.
 
     group: runs what listens. changed: called when something became known, or was waited for long enough.
     """
@@ -47,13 +47,13 @@ class Sampler:
         self._listening: dict[_Sampled, asyncio.Task[None]] = {}
 
     def known(self, topics: Iterable[Topic]) -> list[Topic]:
-        """Return the topics with what is known of their pixels, and forget it of all others."""
+        """Return the topics with their known encodings, and forget all other topics."""
         found = [(topic, self._encodings.get(_sampled(topic), "")) for topic in topics]
         self._encodings = {_sampled(topic): encoding for topic, encoding in found if encoding}
         return [replace(topic, encoding=encoding) if encoding else topic for topic, encoding in found]
 
     def listen(self, unclear: Iterable[Topic]) -> set[str]:
-        """Listen to these topics and to no others until a message of each has told.
+        """Listen to these topics only, until each has sent a message.
 
         Return the names of the images of which one may come at any moment.
         """
@@ -81,13 +81,13 @@ class Sampler:
                 await asyncio.wait([told], timeout=self._patience_s)
                 if not told.done():
                     self._waited_for.add(sampled)
-                    self._group.create_task(self._changed())  # it may end this task, and is to be done nevertheless
+                    self._group.create_task(self._changed())  # in a task of its own, since it may cancel this one
                 self._encodings[sampled] = await told
         except Ros1Error as error:
-            log.debug("%s: not looked at: %s", name, error)
+            log.debug("%s: not sampled: %s", name, error)
             self._encodings[sampled] = UNKNOWN
         if is_cloud and self._encodings[sampled] == UNKNOWN:
-            log.info("%s: its points are no picture, so they give their camera no colour", name)
+            log.info("%s: its points are not an image, so its camera gets no colour stream from them", name)
         self._listening.pop(sampled, None)
         self._waited_for.discard(sampled)
         await self._changed()

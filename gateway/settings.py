@@ -27,21 +27,21 @@ MAX_SERVICES: Final = 64
 
 MIB: Final = 1 << 20
 MOST_MIB: Final = 1024
-"""ROS 1's own nodes take no message of more than 1 GB."""
+"""ROS 1's own nodes accept no message over 1 GB."""
 
 
 def master_uri() -> str:
-    """Return ROS_MASTER_URI, or where a master listens by default."""
+    """Return ROS_MASTER_URI, or a master's default address."""
     return os.environ.get("ROS_MASTER_URI") or "http://127.0.0.1:11311"
 
 
 def host_variable() -> str | None:
-    """Return which of ROS's variables says what other ROS nodes are told to connect to, if one does."""
+    """Return the name of the ROS variable that sets this machine's host, if one does."""
     return next((name for name in ("ROS_HOSTNAME", "ROS_IP") if os.environ.get(name)), None)
 
 
 def host_name() -> str:
-    """Return ROS_HOSTNAME or ROS_IP, or this machine's name: what other ROS nodes are told to connect to."""
+    """Return the host that other ROS nodes connect to: ROS_HOSTNAME, ROS_IP or this machine's name."""
     variable = host_variable()
     return os.environ[variable] if variable else socket.gethostname()
 
@@ -103,21 +103,21 @@ def _rectified(streams: list[str]) -> list[str]:
         except SchemaError as error:
             raise ValueError(str(error)) from error
         if not isinstance(key, StreamKey) or key.stream not in INFOS:
-            raise ValueError(f"{name} is no picture of a camera, which is called like front/color or front/depth")
+            raise ValueError(f"{name} is not a camera's image stream; those are named like front/color or front/depth")
     return streams
 
 
 def _actions(actions: dict[str, str]) -> dict[str, str]:
     for name, topic in actions.items():
         if not NAME.fullmatch(name):
-            raise ValueError(f"{name!r} is no name of an action, which looks like pick_up")
+            raise ValueError(f"{name!r} is not an action's name; use one like pick_up")
         _check_topic(f"action {name}", topic)
     return actions
 
 
 def _check_topic(what: str, topic: str) -> None:
     if not is_topic(topic if topic.startswith("/") else f"/{topic}"):
-        raise ValueError(f"{what}: {topic!r} is not a ROS topic, which looks like /front/color/image_raw")
+        raise ValueError(f"{what}: {topic!r} is not a ROS topic; use one like /front/color/image_raw")
     if is_result(topic):
         raise ValueError(f"{what}: {topic} is where gateways publish results; name a sensor's topic")
 
@@ -142,59 +142,60 @@ def _pattern(pattern: str) -> str:
     try:
         re.compile(pattern)
     except re.error as error:
-        raise ValueError(f"no regular expression: {error}") from error
+        raise ValueError(f"not a regular expression: {error}") from error
     return pattern
 
 
 class RosSettings(BaseModel):
-    """Fields on the robot's ROS graph and the node's place in it."""
+    """Settings of the robot's ROS graph and of the node in it."""
 
     heading: ClassVar = "ROS"
 
     ros_master: Annotated[str, AfterValidator(validate_master_uri)] = Field(
         default_factory=master_uri,
         validate_default=True,
-        description="the ROS master's address; ROS_MASTER_URI unless given",
+        description="the ROS master's address; ROS_MASTER_URI by default",
     )
     ros_host: Annotated[str, AfterValidator(validate_host)] = Field(
         default_factory=host_name,
         validate_default=True,
-        description="where other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP unless given",
+        description="where other ROS nodes reach this machine; ROS_HOSTNAME or ROS_IP by default",
     )
     namespace: Annotated[str, AfterValidator(_namespace)] = Field(
         default_factory=ros_namespace,
         validate_default=True,
-        description="ROS namespace of the node and of relative names, its results' too; ROS_NAMESPACE unless given",
+        description="ROS namespace of the node, its results and relative names; ROS_NAMESPACE by default",
     )
     node_name: Annotated[str, AfterValidator(_node_name)] = Field(
-        default="", description="the ROS node's name; one that no other process has unless given"
+        default="", description="the ROS node's name; a unique one by default"
     )
     remap: Annotated[
         dict[str, str],
         AfterValidator(_remaps),
-        Field(description="names of topics to replace as from=to; from:=to, as for any ROS node, does it too"),
+        Field(description="topic names to replace, as from=to; from:=to works too, as for any ROS node"),
     ] = {}
 
     def host_given_by(self) -> str:
-        """Return what `ros_host` is from, as a person calls it."""
-        return "--ros-host" if "ros_host" in self.model_fields_set else host_variable() or "this machine's name"
+        """Return the origin of `ros_host`: the option, a variable or the host name."""
+        return "--ros-host" if "ros_host" in self.model_fields_set else host_variable() or "this machine's host name"
 
 
 class StreamSettings(BaseModel):
-    """Fields on which topics become streams."""
+    """Settings that select the topics that become streams."""
 
     heading: ClassVar = "streams"
 
     discover: bool = Field(
         default=True,
-        description="find streams on the ROS graph; beside streams that --cameras or --topics name, only if asked for",
+        description="find streams on the ROS graph; off by default when --cameras or --topics name streams",
     )
     allow: Annotated[str, AfterValidator(_pattern)] = Field(
         default=".*",
-        description="take only topics that are found whose whole name matches this regular expression, like /r1/.*|/tf",
+        description="take only found topics whose whole name matches this regular expression, like /r1/.*|/tf",
     )
     deny: Annotated[str, AfterValidator(_pattern)] = Field(
-        default="", description="take no topic that is found whose whole name matches this; wins over --allow"
+        default="",
+        description="take no found topic whose whole name matches this regular expression; wins over --allow",
     )
     cameras: Annotated[
         dict[str, str],
@@ -213,8 +214,8 @@ class StreamSettings(BaseModel):
         list[str],
         AfterValidator(_rectified),
         Field(
-            description="streams whose pictures the lens was taken out of, like front/color; those with image_rect in "
-            "their topics' names are without being named here"
+            description="streams that are already rectified, like front/color; those with image_rect in their topics' "
+            "names count as rectified anyway"
         ),
     ] = []
     max_message_mib: Annotated[
@@ -229,12 +230,12 @@ class StreamSettings(BaseModel):
 
     @property
     def max_message_bytes(self) -> int:
-        """The largest ROS message that is read."""
+        """The largest ROS message that is read, in bytes."""
         return self.max_message_mib * MIB
 
 
 class ReturnSettings(BaseModel):
-    """Fields on what comes from the fleet to the robot."""
+    """Settings of messages from the fleet to the robot."""
 
     heading: ClassVar = "from the fleet to ROS"
 
@@ -245,14 +246,14 @@ class ReturnSettings(BaseModel):
         dict[str, str],
         AfterValidator(_actions),
         Field(
-            description="what the fleet may tell the robot to do, as action=topic, like pick_up=/planner/pick_up; "
+            description="actions that the fleet may send to the robot, as action=topic, like pick_up=/planner/pick_up; "
             "every other action is refused"
         ),
     ] = {}
     passive_subscribers: Annotated[str, AfterValidator(_pattern)] = Field(
         default="",
-        description="ROS nodes for which no result is made, by a regular expression for their whole names, like "
-        "/record_.* for rosbag's recorders; they get what others want",
+        description="ROS nodes whose subscriptions request no results, by a regular expression for whole names, like "
+        "/record_.* for rosbag's recorders; they receive what others request",
     )
     services: Annotated[
         list[str],
@@ -306,30 +307,30 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
         yield CLOCK, "the time that the gateway itself follows (ros_time_ns in its status)"
 
     def is_passive(self, node: str) -> bool:
-        """Return whether a ROS node's subscriptions make no result wanted."""
+        """Return whether a ROS node is passive: its subscriptions request no results."""
         return re.fullmatch(self.passive_subscribers, node) is not None
 
     def listed_services(self) -> dict[str, str]:
-        """Return the type that each listed service must have, or `*`."""
+        """Return the required type of each listed service, or `*`."""
         return {name: kind or ANY for name, _, kind in (entry.partition("=") for entry in self.services)}
 
     def streams(self) -> dict[SensorKey, str]:
-        """Return the topic of every stream that is named here."""
+        """Return the topic of every named stream."""
         named = {f"{camera}/{Stream.COLOR}": topic for camera, topic in self.cameras.items()} | self.topics
         resolve = self.names().resolve
         return {sensor_key(self.robot, name): resolve(topic) for name, topic in named.items()}
 
     def names(self, node: str = "gateway") -> Names:
-        """Return what the ROS names in here mean to a node of the name, which `node_name` overrules."""
+        """Return the name resolution of a node with this name, or with `node_name` if that is set."""
         return Names(f"{self.namespace.rstrip('/')}/{self.node_name or node}", self.remap)
 
     def unused(self, names: Collection[str]) -> list[str]:
-        """Return which options are for streams that there are not, of those with these names: they may be misspelt."""
+        """Return the options for streams other than these, which may be misspelt."""
         rectified = (f"--rectified {name}" for name in self.rectified if name not in names)
         return [*self.unused_shaping(names), *rectified]
 
     def wishes(self) -> DiscoverySettings:
-        """Return what discovery is to do."""
+        """Return the settings of discovery."""
         return DiscoverySettings(
             self.robot,
             self.streams(),

@@ -1,4 +1,4 @@
-"""Follow `/clock` while the robot's ROS graph runs on it."""
+"""Follows `/clock` while the robot's ROS graph uses simulated time."""
 
 import asyncio
 import logging
@@ -16,7 +16,7 @@ POLL_S: Final = 3.0
 
 
 async def follow_sim_time(node: Node, clock: SimClock, *, poll_s: float = POLL_S) -> None:
-    """Keep the clock told while `/use_sim_time` is set at the master, for ever."""
+    """Update the clock from `/clock` while `/use_sim_time` is set at the master, forever."""
     demand = SharedDemand()
     async with asyncio.TaskGroup() as group:
         group.create_task(while_wanted(demand, lambda: _listen(node, clock)))
@@ -29,7 +29,7 @@ async def follow_sim_time(node: Node, clock: SimClock, *, poll_s: float = POLL_S
 async def _is_set(node: Node, *, before: bool) -> bool:
     try:
         return await node.master.uses_sim_time()
-    except Ros1Error:  # a master that is away has not changed its mind
+    except Ros1Error:  # the setting stays while the master is away
         return before
 
 

@@ -1,1 +1,1 @@
-"""Messages on their way: bounded mailboxes between threads and the event loop, reading, writing, shared memory."""
+"""Message delivery: bounded mailboxes between threads and the event loop, reading, writing, shared memory."""

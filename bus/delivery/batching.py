@@ -1,4 +1,4 @@
-"""Samples of many publishers, fetched together: one by one each would wait until the event loop's thread lets it in."""
+"""Fetches samples of many publishers in batches: one by one, each would wait for the interpreter lock."""
 
 import logging
 import threading
@@ -13,19 +13,19 @@ from zenoh.handlers import Callback, FifoChannel
 from bus.session.panics import panics_are_errors
 
 ROOM: Final = 16_384
-"""Samples that wait to be fetched; then the link waits."""
+"""Capacity of the channel, in samples; when it is full, the link waits."""
 
 AT_ONCE: Final = 1_000
 
 TOGETHER: Final = 100
-"""So many are worth waiting for: each costs less than it does where fewer come together."""
+"""Size of a batch that is worth waiting for: larger batches cost less per sample."""
 
 SHORTEST_S: Final = 0.005
 LONGEST_S: Final = 0.02
-"""How long what comes after a batch waits for others at least, and at most."""
+"""Shortest and longest time that the samples after a batch wait for others."""
 
 DELIVERED_S: Final = 0.05
-"""After so long what had come should be delivered: longer than it waits, so that a busy interpreter gets to it, too."""
+"""Samples should be delivered within this time: longer than LONGEST_S, with a margin for a busy interpreter."""
 
 STOP_GRACE_S: Final = 0.2
 """Longest wait for a batch that is being delivered when its subscriber is undeclared."""
@@ -36,9 +36,9 @@ _log: Final = logging.getLogger(__name__)
 def taking(
     declare: Callable[[Any], Any], deliver: Callable[[Sequence[zenoh.Sample]], None], *, together: bool
 ) -> ExitStack:
-    """Declare a subscriber by its handler, and have its samples delivered in batches or each as it comes.
+    """Declare a subscriber and deliver its samples, in batches or one by one.
 
-    Leaving what is returned undeclares it: one with a callback lives on when it is only forgotten.
+    Closing the returned stack undeclares it; dropping the reference alone does not end one with a callback.
     """
     declared = ExitStack()
     if together:
@@ -51,7 +51,7 @@ def taking(
 
 
 class Gathering:
-    """Fetches what a channel receives, until the channel is closed, on a thread of its own.
+    """Fetches samples from a channel on a thread of its own, until the channel is closed.
 
     deliver: is given the samples of a batch, in order.
     """
@@ -63,7 +63,7 @@ class Gathering:
         self._thread.start()
 
     def join(self, grace_s: float) -> None:
-        """Wait for the end, which comes by itself once the channel is closed; not for long."""
+        """Wait briefly for the thread, which ends once the channel is closed."""
         self._thread.join(grace_s)
 
     def _run(self) -> None:
@@ -73,29 +73,29 @@ class Gathering:
             time.sleep(wait_s)
 
     def _fetch(self) -> int:
-        """Deliver what waits, once something does; return how many, 0 if nothing comes any more."""
-        batch = self._next()  # not kept until the next one, which may be long in coming: it holds shared memory
+        """Wait for samples and deliver them; return their number, 0 once the channel is closed."""
+        batch = self._next()  # not kept while waiting for the next one: it holds shared memory
         if batch:
             try:
                 with panics_are_errors():
                     self._deliver(batch)
             except Exception:  # noqa: BLE001 - whatever is wrong with one message, the link waits until others are fetched
-                _log.exception("not all of %d messages were taken in", len(batch))
+                _log.exception("not all of %d messages were delivered", len(batch))
         return len(batch)
 
     def _next(self) -> list[zenoh.Sample]:
-        """Wait for samples; there are none when none come any more."""
+        """Wait for samples and return them; none once the channel is closed."""
         batch: list[zenoh.Sample] = []
         try:
             sample = self._channel.recv()
             while sample is not None:
                 batch.append(sample)
                 sample = self._channel.try_recv() if len(batch) < AT_ONCE else None
-        except zenoh.ZError:  # it is closed
+        except zenoh.ZError:  # the channel is closed
             pass
         return batch
 
 
 def next_wait_s(before_s: float, number: int) -> float:
-    """Return how long to wait for about TOGETHER to come, after `number` came in about `before_s`."""
+    """Return the seconds to wait for about TOGETHER samples, after `number` came in about `before_s`."""
     return min(LONGEST_S, max(SHORTEST_S, before_s * TOGETHER / number))

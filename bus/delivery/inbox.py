@@ -1,4 +1,4 @@
-"""From any thread into an async iterator: at most one call into the event loop is ever pending."""
+"""Passes items from any thread to an async iterator, with at most one pending call into the event loop."""
 
 import asyncio
 import contextlib
@@ -30,11 +30,11 @@ class Inbox(Generic[T]):
         self.unread = 0
 
     def offer(self, key: str, item: T) -> None:
-        """Bring an item. Any thread; never waits for the reader."""
+        """Add an item. Any thread; never waits for the reader."""
         self.offer_all([(key, item)])
 
     def offer_all(self, items: Sequence[tuple[str, T]]) -> None:
-        """Bring several items, in order. Any thread; never waits for the reader."""
+        """Add several items, in order. Any thread; never waits for the reader."""
         with self._lock:
             if self._ended or not items:
                 return
@@ -48,12 +48,12 @@ class Inbox(Generic[T]):
         call_soon(self._loop, self._wake)
 
     def miss(self, number: int) -> None:
-        """Count items that will never be brought. Any thread."""
+        """Count items that are lost. Any thread."""
         with self._lock:
             self.missed += number
 
     def end(self) -> None:
-        """Let nothing more in or out. Event loop only."""
+        """End the iteration and reject further items. Event loop only."""
         with self._lock:
             self._ended = True
         self._wake()
@@ -82,7 +82,7 @@ class Inbox(Generic[T]):
                 self._waiter = None
 
     def take_waiting(self, most: int) -> list[Taken[str, T]]:
-        """Take what is there already, in order."""
+        """Take the items that wait, in order, without waiting for more."""
         with self._lock:
             return list(islice(iter(self._take, None), most))
 
@@ -100,6 +100,6 @@ class Inbox(Generic[T]):
 
 
 def call_soon(loop: AbstractEventLoop, callback: Callable[[], object]) -> None:
-    """Call on the event loop, from any thread; a loop that is closed has nobody left to tell."""
+    """Call a function on the event loop, from any thread; does nothing once the loop is closed."""
     with contextlib.suppress(RuntimeError):
         loop.call_soon_threadsafe(callback)

@@ -1,4 +1,4 @@
-"""Bounded boxes between who brings and who takes, with every drop counted. Pure: no lock, no loop, no clock."""
+"""Bounded mailboxes between producers and a consumer, with every drop counted. Pure: no lock, no loop, no clock."""
 
 import heapq
 from collections import OrderedDict, deque
@@ -9,14 +9,14 @@ from typing import Final, Generic, Protocol, TypeVar, final
 import msgspec
 
 MAX_KEYS: Final = 10_000
-"""How many keys a box knows at once."""
+"""Most keys that a mailbox holds at once."""
 
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
 
 
 class Taken(msgspec.Struct, Generic[K, T], frozen=True, gc=False):
-    """An item and how many of its key were dropped since the last of that key was taken."""
+    """An item, and the number of items of its key dropped since the last one was taken."""
 
     key: K
     item: T
@@ -24,10 +24,10 @@ class Taken(msgspec.Struct, Generic[K, T], frozen=True, gc=False):
 
 
 class Mailbox(Protocol[K, T]):
-    """What a subscription needs of a box."""
+    """The mailbox interface that a subscription uses."""
 
     def offer(self, key: K, item: T) -> int:
-        """Put an item in; return how many items this cost."""
+        """Add an item; return the number of items dropped for it."""
 
     def take(self) -> Taken[K, T] | None:
         """Take the next item out, or None."""
@@ -56,7 +56,7 @@ class PerKey(Generic[K, T]):
         self._arrival = 0
 
     def offer(self, key: K, item: T, depth: int = 0) -> int:
-        """Put an item in; return how many older ones of its key had to go, or 1 if there is no room for another key.
+        """Add an item; return the number of older items of its key dropped, or 1 if there is no room for a new key.
 
         depth: how many of this key may wait now, if that is more than of others.
         """
@@ -92,7 +92,7 @@ class PerKey(Generic[K, T]):
         return key in self._waiting
 
     def discard(self, key: K) -> list[T]:
-        """Forget a key; return the items that waited, oldest first."""
+        """Forget a key; return its waiting items, oldest first."""
         self._idle.pop(key, None)
         slot = self._waiting.pop(key, None)
         if slot is None:
@@ -122,7 +122,7 @@ class Fifo(Generic[K, T]):
         self._dropped: OrderedDict[K, int] = OrderedDict()
 
     def offer(self, key: K, item: T) -> int:
-        """Put an item in; return 1 if the oldest one had to go."""
+        """Add an item; return 1 if the oldest one was dropped for it, else 0."""
         self._items.append((key, item))
         if len(self._items) <= self._depth:
             return 0

@@ -1,4 +1,4 @@
-"""A payload in pieces: what is to be written before and after a large part of memory that is there already.
+"""A payload in pieces: a head and a tail around a large body that stays in its memory.
 
 Pure but for the addresses of memory, which tell what is around a part of it.
 """
@@ -9,14 +9,14 @@ from typing import Protocol
 
 
 class Room(Protocol):
-    """Memory that takes no views, only whole bytes and bytearrays."""
+    """Memory that can be written from whole bytes and bytearrays, not from views."""
 
     def __setitem__(self, item: slice, value: bytes | bytearray, /) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """Bytes in this order. body: contiguous."""
+    """A payload of head, body and tail. body: contiguous."""
 
     head: bytes
     body: memoryview
@@ -29,7 +29,7 @@ class Pieces:
         return b"".join((self.head, self.body, self.tail))
 
     def write(self, room: Room) -> None:
-        """Write them to the beginning of a room, if possible without a copy in between.
+        """Write the payload to the beginning of a room, without an intermediate copy where possible.
 
         That is where the body is part of a bytearray, as in a message that is passed on: all of that is written, and
         head and tail over what was around the body.
@@ -47,7 +47,7 @@ class Pieces:
             room[size - len(self.tail) : size] = self.tail
 
     def _around(self) -> tuple[bytearray, int] | None:
-        """Return the bytearray that the body is part of and how much is before it, if it fits between the ends."""
+        """Return the bytearray around the body and the bytes before it, if head and tail cover the rest of it."""
         whole = self.body.obj
         if not isinstance(whole, bytearray) or self.body.readonly or not self.body.nbytes:
             return None
@@ -61,7 +61,7 @@ def _address(memory: memoryview | bytearray) -> int:
 
 
 Payload = bytes | bytearray | Pieces
-"""What can be published."""
+"""Payload types that can be published."""
 
 
 def joined(payload: Payload) -> bytes | bytearray:

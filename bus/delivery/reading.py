@@ -1,4 +1,4 @@
-"""The reading ends, the same for the real bus and the fake: what arrives on any thread is taken on the event loop."""
+"""Readers of the real bus and the fake: samples arrive on any thread and are taken on the event loop."""
 
 import time
 from asyncio import AbstractEventLoop
@@ -23,22 +23,22 @@ def _mailbox(keep: Latest | Queue) -> Mailbox[str, Sample]:
 
 
 class SampleReader:
-    """A subscription's reading end."""
+    """The reader of a subscription."""
 
     def __init__(self, keep: Latest | Queue, loop: AbstractEventLoop) -> None:
         self._loop = loop
         self._inbox = Inbox(_mailbox(keep), loop)
 
     def arrive(self, key: str, payload: bytes, encoding: str, *, kept: bool = False) -> None:
-        """Bring a sample. Any thread."""
+        """Add a sample. Any thread."""
         self.arrive_all([Sample(key, payload, encoding, time.time_ns(), kept=kept)])
 
     def arrive_all(self, samples: Iterable[Sample]) -> None:
-        """Bring samples, in order. Any thread."""
+        """Add samples, in order. Any thread."""
         self._inbox.offer_all([(sample.key, sample) for sample in samples])
 
     def miss(self, number: int) -> None:
-        """Count samples that will never arrive. Any thread."""
+        """Count samples that are lost. Any thread."""
         self._inbox.miss(number)
 
     def end(self) -> None:
@@ -47,7 +47,7 @@ class SampleReader:
 
     @property
     def counts(self) -> SubscriptionCounts:
-        """What became of the samples so far."""
+        """Counts of the samples so far."""
         inbox = self._inbox
         return SubscriptionCounts(inbox.received, inbox.dropped, inbox.missed, inbox.unread)
 
@@ -58,7 +58,7 @@ class SampleReader:
         return _sample(await self._inbox.take())
 
     async def batches(self, most: int) -> AsyncIterator[list[Sample]]:
-        """Iterate over what is there at once."""
+        """Iterate over batches of waiting samples."""
         async for first in self:
             yield [first, *map(_sample, self._inbox.take_waiting(most - 1))]
 
@@ -68,18 +68,18 @@ def _sample(taken: Taken[str, Sample]) -> Sample:
 
 
 MAX_TOKENS: Final = 100_000
-"""How many changes of presence wait: all of a large fleet come at once, and one that is dropped never comes again."""
+"""Most changes of presence that wait: those of a large fleet come at once, and a dropped one is not repeated."""
 
 
 class PresenceReader:
-    """A watch's reading end. Remembers what it reported, so that doubled events are not reported twice."""
+    """The reader of a watch. It reports duplicate events once."""
 
     def __init__(self, loop: AbstractEventLoop) -> None:
         self._inbox: Inbox[bool] = Inbox(PerKey(max_keys=MAX_TOKENS), loop)
         self._alive: set[str] = set()
 
     def arrive(self, key: str, *, alive: bool) -> None:
-        """Bring a change. Any thread."""
+        """Add a change. Any thread."""
         self._inbox.offer(key, alive)
 
     def end(self) -> None:

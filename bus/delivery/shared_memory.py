@@ -1,4 +1,4 @@
-"""One publisher's payloads in memory that subscribers on the same machine read without a copy in between."""
+"""Shared memory of one publisher: subscribers on the same machine read its payloads without a copy."""
 
 import logging
 import os
@@ -15,7 +15,7 @@ from bus.errors import BusError
 from bus.session.panics import panics_are_errors
 
 FRAMES: Final = 3
-"""Payloads of one size that may be on their way at once: shared ones fill no socket, which would bound them."""
+"""Payloads in transit at once: shared ones fill no socket buffer, which would otherwise bound them."""
 
 PATIENCE: Final = 30
 READER_TIMEOUT_S: Final = 3.0
@@ -23,15 +23,15 @@ READER_TIMEOUT_S: Final = 3.0
 that was stopped never lets go of it, not even when its link counts as lost, which takes 2 s unless told otherwise."""
 
 SMALLEST_BYTES: Final = 4096
-"""A smaller payload is sent sooner than it is shared."""
+"""Smallest payload that is shared: sending a smaller one through a socket is faster."""
 
 _SPARE: Final = 16
-"""A part of so much is added, so that headers which grow by a byte do not move the room each time."""
+"""1 / _SPARE is added to the size, so that slightly larger headers do not move the room each time."""
 
 _OVERHEAD_BYTES: Final = 4096
 
 _OWN_BYTES: Final = 2 << 20
-"""What Zenoh itself takes for its bookkeeping, once."""
+"""Memory that Zenoh takes once for its bookkeeping."""
 
 _FOLDER: Final = Path("/dev/shm")  # noqa: S108 - where Zenoh has its segments; only its free space is read
 
@@ -39,7 +39,7 @@ _log: Final = logging.getLogger(__name__)
 
 
 class SharedFrames:
-    """Has room for FRAMES times the largest payload it saw. To be used by one thread at a time. clock: in seconds."""
+    """Shared room for FRAMES payloads of the largest size so far. Use from one thread at a time. clock: in seconds."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -49,7 +49,7 @@ class SharedFrames:
         self._provider: ShmProvider | None = None
 
     def place(self, payload: Payload) -> ZShmMut | bytes | bytearray | None:
-        """Return the payload's copy in shared memory, or itself where it is small or the system has no room.
+        """Return the payload's copy in shared memory, or the payload itself if it is small or memory is short.
 
         None while subscribers hold all the room: the payload is to be dropped. One that stands still holds up the
         stream's others for less than PATIENCE payloads and PATIENCE_S.
@@ -79,7 +79,7 @@ class SharedFrames:
     def _renew(self, largest: int) -> None:
         self._largest = largest
         self._refused = 0
-        self._provider = None  # whose memory the system has back then, once no subscriber has it
+        self._provider = None  # its memory is freed once no subscriber holds it
         self._provider = _provider(FRAMES * (largest + _OVERHEAD_BYTES))
 
 
@@ -104,16 +104,16 @@ def _allocated(provider: ShmProvider, size: int) -> ZShmMut | None:
 
 
 def _provider(size: int) -> ShmProvider | None:
-    """Return fresh shared memory, if the system has room for it and for as much again, which is for others."""
+    """Return new shared memory, if the system has room for twice as much: half is left to other processes."""
     try:
         free = os.statvfs(_FOLDER)
         if free.f_bavail * free.f_frsize >= 2 * size + _OWN_BYTES:
             with panics_are_errors():
                 provider = ShmProvider.default_backend(size)
-                provider.alloc(1)  # with the first, Zenoh takes what is for its bookkeeping
+                provider.alloc(1)  # with the first allocation, Zenoh takes its bookkeeping memory
             return provider
         reason = f"{_FOLDER} is too full"
     except (OSError, zenoh.ZError, BusError) as error:
         reason = str(error)
-    _log.warning("no shared memory for %d bytes (%s): such messages are sent instead", size, reason)
+    _log.warning("no shared memory for %d bytes (%s): such messages go through sockets", size, reason)
     return None

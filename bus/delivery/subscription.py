@@ -1,4 +1,4 @@
-"""A subscription of the real bus."""
+"""Subscriptions of the real bus, without and with history."""
 
 import threading
 import time
@@ -20,13 +20,13 @@ from bus.history.ordering import Fetch, History, Numbered
 from bus.session.known_keys import number_of
 
 AGAIN_S: Final = 0.5
-"""After so long a cache that had nothing is asked again: Zenoh's routers (1.10) find their ways 0.1 s after a link."""
+"""Delay before an empty cache is asked again: Zenoh's routers (1.10) know their routes 0.1 s after a new link."""
 
 _PUT: Final = zenoh.SampleKind.PUT
 
 
 class ZenohSubscription(SampleReader):
-    """A subscription to what is published from now on. What many publish and nobody may miss is taken in in batches."""
+    """A subscription to messages published from now on. With many publishers, samples are fetched in batches."""
 
     takes_another = False
 
@@ -35,7 +35,7 @@ class ZenohSubscription(SampleReader):
         self._key_expr = key_expr
         self._together = isinstance(keep, Queue) and "*" in key_expr and not few
         self._declared = ExitStack()
-        self._turn = 0  # of being declared; callbacks that held the session would let go of it at any time
+        self._turn = 0  # of being declared; callbacks compare it, as one with a session would release that at any time
 
     @property
     def number_of(self) -> str:
@@ -52,18 +52,18 @@ class ZenohSubscription(SampleReader):
         self._declared.close()
 
     def take(self, turn: int, samples: Sequence[zenoh.Sample]) -> None:  # noqa: ARG002 - for those with a history
-        """Take in what came live, in a turn that may be over."""
+        """Take live samples; those of an earlier declaration are ignored."""
         self.arrive_all(_sample(sample) for sample in samples if sample.kind == _PUT and not is_sent_again(sample))
 
 
 class HistorySubscription(ZenohSubscription):
-    """A subscription to what publishers keep, too.
+    """A subscription that also receives the messages publishers keep.
 
     Zenoh's own advanced subscriber (1.10) drops the history of those who send before it is there; it asks for what it
     missed under a key expression that has a router look through all its keys, once for each publisher that it waits
     for, and asks thousands of publishers at once.
 
-    submit: has something done on the session's thread. known: told the key of each that publishes.
+    submit: queues a call on the session's thread. known: told the key of each that publishes.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class HistorySubscription(ZenohSubscription):
         self._one_at_a_time = threading.Lock()
 
     def declare(self, session: zenoh.Session) -> None:
-        """Declare on the session's thread, presences first: what is live waits for what those who are there keep."""
+        """Declare on the session's thread, presences first: live messages wait for kept ones of present publishers."""
         with self._one_at_a_time:
             self._turn += 1
             self._history.cut_off()
@@ -101,7 +101,7 @@ class HistorySubscription(ZenohSubscription):
         super().declare(session)
 
     def undeclare(self) -> None:
-        """Undeclare; what waits for older messages does so until it is known who is still there."""
+        """Undeclare; held messages wait until it is known which publishers are still present."""
         self._caches.use(None)
         super().undeclare()
 
@@ -141,7 +141,7 @@ class HistorySubscription(ZenohSubscription):
                 self._history.kept(fetch, each)
 
     def _on_fetched(self, fetch: Fetch, replied: bool) -> None:  # noqa: FBT001 - a callback's
-        """Take what a cache answered; where it overtook what came live before and waits for others, after that."""
+        """Take a cache's answer; live messages that are still being fetched are taken before it."""
         fetched = partial(self._with_history, self._turn, partial(self._history.fetched, fetch, empty=not replied))
         if self._together:
             call_soon(self._loop, partial(self._loop.call_later, DELIVERED_S, fetched))
@@ -164,7 +164,7 @@ class HistorySubscription(ZenohSubscription):
 def _numbered(
     samples: Iterable[zenoh.Sample], *, kept: bool = False
 ) -> tuple[list[Numbered[Sample | None]], list[Sample]]:
-    """Return those that have numbers, deletions as None, which have one too, and the others."""
+    """Return the numbered samples, deletions with None as message, and the samples without numbers."""
     numbered: list[Numbered[Sample | None]] = []
     others: list[Sample] = []
     for sample in samples:
@@ -181,5 +181,5 @@ def _numbered(
 
 
 def _sample(arrived: zenoh.Sample, *, kept: bool = False) -> Sample:
-    """Return what came, with a time of its own: what came live at once has an order in time too."""
+    """Return the sample with a reception time of its own, so that samples of one batch stay in order in time."""
     return Sample(str(arrived.key_expr), arrived.payload.to_bytes(), str(arrived.encoding), time.time_ns(), kept=kept)

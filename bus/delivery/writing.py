@@ -1,4 +1,4 @@
-"""The writing end, the same for the real bus and the fake."""
+"""The publisher's writing side, the same for the real bus and the fake."""
 
 import logging
 import threading
@@ -14,7 +14,7 @@ from bus.errors import BusClosedError
 
 
 class MessageWriter:
-    """A publisher as its user sees it; `send` takes each message that is fit to be sent."""
+    """A publisher as its user sees it; `send` takes each valid message."""
 
     def __init__(self, key: str, demand: Demand, send: Callable[[Payload], None]) -> None:
         self._key = key
@@ -32,11 +32,11 @@ class MessageWriter:
 
     @property
     def counts(self) -> PublisherCounts:
-        """What became of the messages so far."""
+        """Counts of the messages so far."""
         return PublisherCounts(self._put, self._dropped)
 
     def put(self, payload: Payload) -> None:
-        """Hand a message over to be sent."""
+        """Queue a message for sending."""
         if self._ended:
             raise BusClosedError(f"the publisher of {self._key} is closed")
         if not isinstance(payload, Payload):
@@ -50,13 +50,13 @@ class MessageWriter:
             self._dropped += number
 
     def end(self) -> None:
-        """Take nothing more."""
+        """Refuse further messages."""
         self._ended = True
         self._demand.end()
 
 
 QUICK_S: Final = 0.005
-"""A write that takes longer has waited for a link."""
+"""A write that takes longer counts as slow: it has waited for a link."""
 
 QUICK_WRITES: Final = 10
 """Successive quick writes after which a publisher's next ones are made at once."""
@@ -69,7 +69,7 @@ class Writer(Hashable, Protocol):
 
     @property
     def kept(self) -> int:
-        """How many of its messages are to wait at least, as far as they must."""
+        """Smallest queue of the publisher, in messages."""
 
     def write(self, payload: Payload) -> None:
         """Send a message; may take a while."""
@@ -102,7 +102,7 @@ class Lane:
         self._stopping = False
 
     def offer(self, writer: Writer, payload: Payload, depth: int = 0) -> None:
-        """Send or queue a message; the one that finds a quick link slow blocks as long as its write takes.
+        """Send or queue a message; one that meets a slow link on the direct path blocks for as long as its write.
 
         depth: how many of the writer's messages may wait with this one, if that is more than of others.
         """
@@ -131,7 +131,7 @@ class Lane:
         return self._ready.offer(writer, payload, depth)
 
     def admit(self, writer: Writer) -> None:
-        """Send from now on what a publisher queues, and what it has queued."""
+        """Start sending a publisher's messages, including those that it has queued."""
         with self._lock:
             self._quick_writes[writer] = 0
             held = self._held.discard(writer)
@@ -143,7 +143,7 @@ class Lane:
                 self._thread.start()
 
     def retire(self, writer: Writer, grace_s: float) -> None:
-        """Wait up to `grace_s` until a publisher's queue is written, drop the rest; then it is not written to again."""
+        """Wait up to `grace_s` for a publisher's queue to be written, drop the rest, and stop writing to it."""
         with self._lock:
             if writer in self._quick_writes:
                 self._retiring += 1
@@ -177,7 +177,7 @@ class Lane:
             return None
 
     def _write(self, writer: Writer, payload: Payload) -> bool:
-        """Return whether it was quick."""
+        """Write a message; return whether the write was quick."""
         began = self._clock()
         try:
             writer.write(payload)

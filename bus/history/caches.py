@@ -1,4 +1,4 @@
-"""Messages that publishers keep: how they are numbered, and how many caches are asked at a time."""
+"""Caches of kept messages: their numbering, and queries to a bounded number of them at a time."""
 
 import logging
 import struct
@@ -15,29 +15,29 @@ from bus.history.ordering import Fetch
 from bus.session.panics import panics_are_errors
 
 CACHE: Final = "/@adv/pub/"
-"""In the key of an advanced publisher's cache and presence, between its own key and its session and number there."""
+"""Separates an advanced publisher's key from its session and entity id in the key of its cache and presence."""
 
 _STAMP: Final = struct.Struct(">BIQH")
 _MARK: Final = 0xF5
-"""What ours begin with."""
+"""First byte of our attachments."""
 
 MOST_KEPT: Final = (1 << 16) - 1
-"""As many as a publisher can keep."""
+"""Most messages that a publisher can keep."""
 
 
 def stamp(publisher: int, number: int, newness: int) -> bytes:
-    """Return what is attached to a message.
+    """Return the attachment that numbers a message.
 
-    publisher: one of 32 bits that tells it from others of its key. newness: 0 where the message is sent for the first
-    time; else, of those that are sent again since there is a new session, 1 for the newest, 2 for the one before.
+    publisher: a 32-bit id, unique among those of its key. newness: 0 where the message is sent for the first
+    time; for those sent again on a new session, 1 for the newest, 2 for the one before.
     """
     return _STAMP.pack(_MARK, publisher, number, newness)
 
 
 def stamp_of(sample: zenoh.Sample) -> tuple[int | str, int, int] | None:
-    """Return publisher, number and newness, as `stamp` has them, or None for one that nobody numbered.
+    """Return publisher, number and newness as in `stamp`, or None for a sample without a number.
 
-    Other programs' have those of Zenoh.
+    Messages of other programs have Zenoh's own numbers.
     """
     attachment = sample.attachment
     if attachment is not None and len(attachment) == _STAMP.size:
@@ -49,25 +49,25 @@ def stamp_of(sample: zenoh.Sample) -> tuple[int | str, int, int] | None:
 
 
 def is_sent_again(sample: zenoh.Sample) -> bool:
-    """Return whether a sample was sent on an earlier session of its publisher, too."""
+    """Return whether a sample was already sent on an earlier session of its publisher."""
     stamped = None if sample.attachment is None else stamp_of(sample)
     return stamped is not None and stamped[2] > 0
 
 
 def place_of(publisher: zenoh.EntityGlobalId) -> str:
-    """Return a publisher's session and number there, as caches' keys have them."""
+    """Return a publisher's session and entity id as they stand in the keys of caches."""
     return f"{publisher.zid!s}/{publisher.eid}"
 
 
 def owner_of(cache: str) -> tuple[str, str]:
-    """Return the key whose messages a cache has, and the place of its publisher."""
+    """Return the key that a cache belongs to, and the place of its publisher."""
     key, _, place = cache.rpartition(CACHE)
     return key, "/".join(place.split("/")[:2])
 
 
 ASKED_AT_ONCE: Final = 16
 TIMEOUT_S: Final = 2.0
-"""Longest wait for one's answer: as long as links to who stands still count as whole, unless told otherwise."""
+"""Longest wait for one cache: the default time for which a link to a stopped process counts as whole."""
 
 _log: Final = logging.getLogger(__name__)
 
@@ -75,8 +75,8 @@ _log: Final = logging.getLogger(__name__)
 class Caches:
     """The caches that one subscription asks.
 
-    submit: has something done on the session's thread. recover: how many messages are wanted of each.
-    answer: is given each message; answered: told that no more of them come, and whether any came.
+    submit: queues a call on the session's thread. recover: the number of messages wanted from each.
+    answer: receives each message; answered: is called at the end, with whether any came.
     """
 
     def __init__(
@@ -91,21 +91,20 @@ class Caches:
         self._answer = answer
         self._answered = answered
         self._session: zenoh.Session | None = None
-        self._turn = (
-            0  # of asking; callbacks that held the session would let go of it at any time (see bus.session.session)
-        )
+        # Callbacks compare the turn: one with a session would release that at any time (see bus.session.timing).
+        self._turn = 0
         self._waiting: deque[Fetch] = deque()
         self._asked: set[str] = set()
 
     def use(self, session: zenoh.Session | None) -> None:
-        """Ask on this session, or not at all; forget what was asked on another one. Session's thread only."""
+        """Query on this session, or not at all with None; earlier queries are forgotten. Session's thread only."""
         self._session = session
         self._turn += 1
         self._waiting.clear()
         self._asked.clear()
 
     def ask(self, fetch: Fetch) -> None:
-        """Ask a cache when its turn comes."""
+        """Query a cache when its turn comes."""
         self._submit(partial(self._enqueue, fetch))
 
     def _enqueue(self, fetch: Fetch) -> None:
@@ -134,7 +133,7 @@ class Caches:
             done()
 
     def _on_reply(self, turn: int, fetch: Fetch, before: Iterator[int], reply: zenoh.Reply) -> None:
-        if turn == self._turn and reply.ok is not None and next(before) < self._recover:  # whatever it sends
+        if turn == self._turn and reply.ok is not None and next(before) < self._recover:  # however many it sends
             self._answer(fetch, reply.ok)
 
     def _done(self, turn: int, fetch: Fetch, replies: Iterator[int]) -> None:
@@ -145,7 +144,7 @@ class Caches:
 
 
 def _after(fetch: Fetch) -> str:
-    """Return what leaves out of a cache's answer what came before, as Zenoh's caches (1.10) understand it."""
+    """Return the query parameter by which Zenoh's caches (1.10) leave out messages that already came."""
     _, place = owner_of(fetch.cache)
     taken = [info.source_sn for info in fetch.places if place_of(info.source_id) == place]
     return f"_sn={max(taken) + 1}..;" if taken else ""

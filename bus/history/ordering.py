@@ -1,6 +1,6 @@
-"""The order of what publishers sent: it comes live, and once more from what they keep for who was late or cut off.
+"""Orders messages that come live and again from publishers' caches, after a late start or a lost link.
 
-Pure. Times are somebody else's.
+Pure. Delays are the caller's.
 """
 
 from collections import OrderedDict
@@ -11,32 +11,32 @@ from typing import Any, Final, Generic, NamedTuple, TypeVar
 from schemas.header import gap
 
 MOST_HELD: Final = 200
-"""Messages of a key that wait for older ones to be fetched, or twice as many as are wanted of what a publisher keeps if
-that is more; then they are taken as they are."""
+"""Most messages of a key that wait for older ones to be fetched, or twice `History.recover` if
+that is more; beyond that they are taken as they are."""
 
 KEYS_REMEMBERED: Final = 10_000
-"""Keys without a publisher of which it is known what came: what was kept comes again when it is back."""
+"""Keys without a publisher whose numbers are remembered: kept messages come again when it returns."""
 
 PUBLISHERS_REMEMBERED: Final = 128
-"""Of one key, those heard last; a gateway has one for each of as many as 64 that latch a topic."""
+"""Most publishers remembered for one key, the latest heard; a gateway has up to 64, one per latching publisher."""
 
 NONE: Final = -1
-"""Less than any number."""
+"""Stands for no number; less than any."""
 
 FIRST: Final = 1
-"""The first number of a publisher of ours; Zenoh's own begin with 0."""
+"""First number of our publishers; Zenoh's own numbers begin with 0."""
 
 WRAPPED: Final = 1 << 31
-"""A number so much smaller than the last is a newer one: Zenoh's own have 32 bits."""
+"""A number smaller than the last by this much is newer: Zenoh's own numbers wrap at 32 bits."""
 
 M = TypeVar("M")
 
 
 class Numbered(NamedTuple, Generic[M]):
-    """A message, its publisher among those of its key, and its number among this one's, which grows by one.
+    """A message with its publisher and the publisher's number of it, which grows by one.
 
-    newness: 0 where it is sent for the first time; else it is one of those a publisher took to a new session, 1 the
-    newest. place: what its cache, asked for what came later, needs to know of it.
+    newness: 0 for a message sent for the first time; for those that a publisher sends again on a new session, 1 is the
+    newest. place: its place for a query to the cache for later ones.
     """
 
     key: str
@@ -48,7 +48,7 @@ class Numbered(NamedTuple, Generic[M]):
 
 
 class Fetch(NamedTuple):
-    """What to ask a cache for: what a key's publisher sent after those in their places, as far as they are its own."""
+    """A query to a cache for the messages of a key after those in `places`, as far as they are its publisher's."""
 
     key: str
     cache: str
@@ -57,10 +57,10 @@ class Fetch(NamedTuple):
 
 @dataclass(slots=True)
 class _Publisher:
-    """What came of one.
+    """State of one publisher.
 
-    last: the number taken last, and its place. live: the newest that came since it is there, so that all newer ones
-    come by themselves. sought: the newest that had come when a cache was asked last.
+    last: the number taken last, and its place. live: the newest number that came live since it appeared: newer ones
+    come without asking. sought: the newest number that had come when a cache was last asked.
     """
 
     last: int = NONE
@@ -77,11 +77,11 @@ class _Publisher:
 
 @dataclass(slots=True)
 class _Key(Generic[M]):
-    """What is known of a key.
+    """State of a key.
 
-    caches: of publishers that are there. asked: those that are being asked, and whether they are to be asked once more.
-    doubted: those that are there and had nothing when they were asked first.
-    held: what came live and waits for what they have, None if nothing has to; kept: what they have answered.
+    caches: those of present publishers. asked: those with a pending query, and whether to query them once more.
+    doubted: those that are present and had nothing at the first query.
+    held: live messages that wait for their answers, None if none have to; kept: their answers.
     """
 
     name: str
@@ -103,21 +103,21 @@ class _Key(Generic[M]):
         return known
 
     def out_of_sight(self) -> None:
-        """What came of its publishers so far says nothing of what else is on its way."""
+        """Forget which live messages came: later ones may be missing."""
         for publisher in self.publishers.values():
             publisher.live = NONE
 
 
 @dataclass
 class History(Generic[M]):
-    """What came of each publisher.
+    """The message history of all publishers of a subscription.
 
-    recover: how many of the messages that a publisher keeps are wanted; with more than one, a hole in the live messages
-    is filled too, and what is live waits for what was before. fetch: has a cache asked, `kept` called with its answers
-    and `fetched` at their end, however it comes about. later: has `ask_again` called in a while, with what is asked
-    for. deliver, miss: take messages in order, and the number of those that never came.
+    recover: the number of kept messages wanted from each publisher; with more than one, gaps in the live messages are
+    filled too, and live messages wait for older ones. fetch: queries a cache, calls `kept` with its answers
+    and `fetched` at the end in any case. later: calls `ask_again` after a while with the same
+    query. deliver, miss: receive messages in order, and the number of lost ones.
 
-    Not to be called from several threads at once.
+    Not thread-safe.
     """
 
     recover: int
@@ -130,7 +130,7 @@ class History(Generic[M]):
     _all_appeared: bool = True
 
     def appear(self, key: str, cache: str) -> None:
-        """A key's publisher is there, for the first time or again, and its cache can be asked."""
+        """Note that a key's publisher appeared, so its cache can be asked."""
         known = self._known(key)
         if cache not in known.caches:
             known.out_of_sight()
@@ -139,7 +139,7 @@ class History(Generic[M]):
         self._ask(known, cache)
 
     def leave(self, key: str, cache: str) -> None:
-        """A publisher is not there any more, or cannot be reached."""
+        """Note that a publisher left or became unreachable."""
         known = self._known(key)
         known.caches.discard(cache)
         known.doubted.discard(cache)
@@ -147,7 +147,7 @@ class History(Generic[M]):
             self._desert(key)
 
     def cut_off(self) -> None:
-        """Nobody can be reached any more; what waits for older ones waits until it is known who is still there."""
+        """Note that all links are lost; held messages wait until it is known which publishers are still present."""
         self._all_appeared = False
         for key, known in self._keys.items():
             known.out_of_sight()
@@ -158,7 +158,7 @@ class History(Generic[M]):
             self._deserted[key] = None
 
     def all_appeared(self) -> None:
-        """Whoever is there has appeared; nothing more comes of what the others kept."""
+        """Note that all present publishers have appeared; messages kept by others will not come."""
         self._all_appeared = True
         ready: list[M] = []
         for known in self._keys.values():
@@ -168,13 +168,13 @@ class History(Generic[M]):
         self._deliver(ready)
 
     def live(self, messages: Iterable[Numbered[M]], *, current: bool = True) -> None:
-        """Take messages as they come. current: since the last `cut_off`, as far as that is known."""
+        """Take live messages. current: sent since the last `cut_off`, as far as that is known."""
         ready: list[M] = []
         for each in messages:
             key, name, number, message, newness, place = each
             known = self._keys.get(key) or self._known(key)
             by = known.publishers.get(name)
-            if known.held is None and by and by.last == number - 1 and not newness and current:  # nearly always
+            if known.held is None and by and by.last == number - 1 and not newness and current:  # the usual case
                 by.last = by.live = number
                 by.place = place
                 known.publishers.move_to_end(name)
@@ -187,16 +187,16 @@ class History(Generic[M]):
         self._deliver(ready)
 
     def kept(self, fetch: Fetch, message: Numbered[M]) -> None:
-        """Take what a cache has."""
+        """Take a message from a cache."""
         known = self._known(fetch.key)
         if fetch.cache in known.asked and message.key == fetch.key and message.newness <= self.recover:
             known.kept.append(message)
 
     def fetched(self, fetch: Fetch, *, empty: bool = False) -> None:
-        """There is nothing more to come from a cache. empty: nothing came.
+        """Note that a cache's answer is complete. empty: it had no messages.
 
-        The first time that says little: of a link that is new a router may know that a cache is there, and not yet the
-        way to it.
+        The first empty answer says little: on a new link a router may know of a cache before it knows the route
+        to it.
         """
         known = self._known(fetch.key)
         cache = fetch.cache
@@ -213,7 +213,7 @@ class History(Generic[M]):
             self._deliver(ready)
 
     def ask_again(self, fetch: Fetch) -> None:
-        """Ask a cache that had nothing."""
+        """Ask an empty cache again."""
         known = self._known(fetch.key)
         if fetch.cache in known.asked:
             self._fetch(known, fetch.cache)
@@ -256,7 +256,7 @@ class History(Generic[M]):
         self.fetch(Fetch(known.name, cache, places))
 
     def _take_live(self, known: _Key[M], by: _Publisher, each: Numbered[M], ready: list[M]) -> None:
-        """Take what came live, or hold it while there may be older ones to come."""
+        """Take a live message, or hold it while older ones may still come."""
         first = FIRST if isinstance(each.publisher, int) else 0
         if known.held is not None and not known.held and by.is_next(each.number, first) and not each.newness:
             self._take(by, each, ready)
@@ -277,7 +277,7 @@ class History(Generic[M]):
             self._ask(known, cache)
 
     def _take(self, by: _Publisher, each: Numbered[M], ready: list[M]) -> None:
-        """Take a message unless it came before; count those before it that did not."""
+        """Take a message unless it came before; count missing ones before it."""
         if by.last - each.number < WRAPPED:
             if each.number <= by.last:
                 return
@@ -287,11 +287,11 @@ class History(Generic[M]):
         ready.append(each.message)
 
     def _take_waiting(self, known: _Key[M], ready: list[M], *, seek: bool) -> None:
-        """Take what is held and what caches answered, in order.
+        """Take held messages and caches' answers, in order.
 
-        What is newer than the newest that came live does so, too, after what is in between; or else what follows shows
-        the hole.
-        seek: holes among what came after caches were asked are worth asking again; what is behind them is held on.
+        Messages newer than the newest live one will come live too, after those in between; or a later one reveals
+        the gap.
+        seek: gaps among messages that came after the caches were asked are asked for again; messages behind them wait.
         """
         waiting = [(each, True) for each in known.held or ()] + [(each, False) for each in known.kept]
         rest: list[Numbered[M]] = []
@@ -307,7 +307,7 @@ class History(Generic[M]):
         known.held = rest
 
     def _release(self, known: _Key[M], ready: list[M]) -> None:
-        """Take all that waits, as complete as it gets."""
+        """Take all waiting messages; no more of the missing ones will come."""
         self._take_waiting(known, ready, seek=self.recover > 1 and bool(known.caches))
         if known.held:
             self._seek(known)

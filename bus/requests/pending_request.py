@@ -1,4 +1,4 @@
-"""The asking end of a request, the same for the real bus and the fake."""
+"""The caller's side of a request, the same for the real bus and the fake."""
 
 import asyncio
 from asyncio import AbstractEventLoop
@@ -12,13 +12,13 @@ from bus.delivery.inbox import call_soon
 from bus.errors import BusClosedError, BusError, NotServedError, RefusedError, RequestTimeoutError
 
 MAX_UNANSWERED: Final = 256
-"""Most requests of one bus under way."""
+"""Most pending requests of one bus."""
 
 Outcome = Reply | BusError
 
 
 class PendingRequest:
-    """One request that waits for its answer: the first outcome counts, later ones are ignored."""
+    """One pending request: the first outcome counts, later ones are ignored."""
 
     def __init__(self, key: str, payload: bytes | bytearray, encoding: str, timeout_s: float) -> None:
         if not isinstance(payload, bytes | bytearray):
@@ -35,23 +35,23 @@ class PendingRequest:
         self._outcome: asyncio.Future[Outcome] = self._loop.create_future()
 
     def settle(self, outcome: Outcome) -> None:
-        """Bring the outcome. Any thread."""
+        """Set the outcome. Any thread."""
         call_soon(self._loop, partial(self._set, outcome))
 
     def refuse(self, reason: str) -> None:
-        """Bring a server's error. Any thread."""
+        """Fail with a server's error. Any thread."""
         self.settle(RefusedError(reason))
 
     def give_up(self) -> None:
-        """Say that nobody answers. Any thread; after an answer it changes nothing."""
-        self.settle(NotServedError("nobody serves it, or whoever did left before answering"))
+        """Fail because no server answers; ignored after an answer. Any thread."""
+        self.settle(NotServedError("no server has this key, or it left before answering"))
 
     def end(self) -> None:
-        """Say that the bus is closed. Event loop only."""
+        """Fail because the bus is closed. Event loop only."""
         self._set(BusClosedError("the bus was closed before an answer came"))
 
     async def answered(self) -> Reply:
-        """Wait for the outcome, as `bus.api.Bus.request` says."""
+        """Wait for the outcome; see `bus.api.Bus.request`."""
         try:
             async with asyncio.timeout(self.timeout_s):
                 outcome = await self._outcome
@@ -67,14 +67,14 @@ class PendingRequest:
 
 
 class Unanswered:
-    """A bus's requests under way. Event loop only."""
+    """The pending requests of a bus. Event loop only."""
 
     def __init__(self) -> None:
         self._askings: set[PendingRequest] = set()
 
     @contextmanager
     def holding(self, asking: PendingRequest) -> Iterator[None]:
-        """Count a request as under way.
+        """Count a request as pending while the context lasts.
 
         Raises:
             BusError: MAX_UNANSWERED are already.
@@ -89,6 +89,6 @@ class Unanswered:
             self._askings.discard(asking)
 
     def end(self) -> None:
-        """Say to all of them that the bus is closed."""
+        """Fail all of them because the bus is closed."""
         for asking in self._askings:
             asking.end()

@@ -1,4 +1,4 @@
-"""Requests as Zenoh's queries. Everything that touches a session is for its thread."""
+"""Requests as Zenoh queries. Functions that use a session run on its thread."""
 
 from contextlib import suppress
 from functools import partial
@@ -11,17 +11,17 @@ from bus.api import MAX_TIMEOUT_S, Reply
 from bus.requests.pending_request import PendingRequest
 
 TIMEOUT_MS: Final = "timeout_ms"
-"""The query parameter that says how long its sender waits, for the server's sake."""
+"""Query parameter that tells the server how long the sender waits, in milliseconds."""
 
 DEFAULT_TIMEOUT_S: Final = 10.0
 ERROR_ENCODING: Final = "text/plain"
 MAX_ERROR_BYTES: Final = 4_096
 LATE_S: Final = 1.0
-"""How much longer than its sender a query lives, so that the sender's own clock decides."""
+"""Extra lifetime of a query, so that the sender's own timeout comes first."""
 
 
 def send_query(session: zenoh.Session, asking: PendingRequest, *, served_here: bool) -> None:
-    """Ask. Dropped under congestion, as everything here, and so is the reply: then its sender's time runs out.
+    """Send a query. Query and reply are dropped under congestion; then the sender's timeout ends the request.
 
     served_here: the session has a server of the key; Zenoh (1.10) would ask that one and another one too.
 
@@ -57,11 +57,11 @@ def _error_text(payload: zenoh.ZBytes) -> str:
 
 
 def finish_query(query: zenoh.Query, served: str, outcome: Reply | str | None) -> None:
-    """Answer a query that came to a server of `served`, and let go of it."""
-    with query, suppress(zenoh.ZError):  # whoever asked, or the session, is gone
+    """Answer a query to a server of `served`, and release it."""
+    with query, suppress(zenoh.ZError):  # the caller or the session is gone
         key = served if "*" not in served else str(query.key_expr)
         if isinstance(outcome, Reply) and "*" in key:
-            outcome = f"{key} is many keys: ask for one"
+            outcome = f"{key} has wildcards; request a single key"
         if isinstance(outcome, Reply):
             query.reply(key, outcome.payload, encoding=outcome.encoding)
         elif outcome is not None:
@@ -69,7 +69,7 @@ def finish_query(query: zenoh.Query, served: str, outcome: Reply | str | None) -
 
 
 def timeout_of(text: str | None) -> float:
-    """Return how many seconds a query's sender waits, at most MAX_TIMEOUT_S."""
+    """Return the seconds that a query's sender waits, at most MAX_TIMEOUT_S."""
     if text is None or not text.isascii() or not text.isdigit() or len(text) > 9:
         return DEFAULT_TIMEOUT_S
     return min(int(text) / 1000, MAX_TIMEOUT_S)

@@ -1,4 +1,4 @@
-"""The answering end of requests, the same for the real bus and the fake: bounded, and every request is finished."""
+"""The server's side of requests, the same for the real bus and the fake: bounded; every request is finished."""
 
 import asyncio
 import logging
@@ -16,7 +16,7 @@ from bus.errors import BusError, RefusedError
 from bus.keys import matches
 
 MAX_REASON: Final = 500
-"""Most characters of an error that are sent."""
+"""Longest error text that is sent, in characters."""
 
 INTERNAL: Final = "internal error, see the server's log"
 
@@ -25,7 +25,7 @@ _log: Final = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Call:
-    """A request and the way back.
+    """A request and its reply function.
 
     until_s: when its caller stops waiting, on the event loop's clock, which is `time.monotonic`. answer: takes a reply,
     an error's text, or None for nothing; any thread, once.
@@ -41,7 +41,9 @@ class Server:
 
     def __init__(self, key_expr: str, handler: Handler, loop: AbstractEventLoop, at_once: int, waiting: int) -> None:
         if at_once < 1 or waiting < 0:
-            raise ValueError(f"a server of {at_once} requests at once and {waiting} waiting answers nobody")
+            raise ValueError(
+                f"a server handles at least 1 request at once and lets at least 0 wait, not {at_once} and {waiting}"
+            )
         self.key = key_expr
         self._handler = handler
         self._loop = loop
@@ -54,7 +56,7 @@ class Server:
         self._running: asyncio.Task[None] | None = None
 
     def arrive(self, call: Call) -> None:
-        """Bring a request. Any thread."""
+        """Add a request. Any thread."""
         with self._lock:
             ended, full = self._ended, len(self._open) >= self._limit
             if not ended and not full:
@@ -68,7 +70,7 @@ class Server:
 
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[None]:
-        """Answer for as long as the context lasts; returns when the handlers have ended. Event loop only."""
+        """Answer requests until the context ends, then wait for the handlers to end. Event loop only."""
         self._running = self._loop.create_task(self._run())
         try:
             yield
@@ -77,7 +79,7 @@ class Server:
             await asyncio.wait({self._running})
 
     def end(self) -> None:
-        """Cancel the handlers and leave the rest unanswered. Event loop only."""
+        """Cancel the handlers and drop the waiting requests. Event loop only."""
         with self._lock:
             self._ended = True
             rest = list(self._open)
@@ -103,7 +105,7 @@ class Server:
 
     async def _outcome(self, call: Call) -> Reply | str:
         if self._loop.time() >= call.until_s:
-            return "it waited too long to be begun"
+            return "the request waited too long in the server's queue"
         try:
             async with asyncio.timeout_at(call.until_s):
                 return _checked(await self._handler(call.request))
@@ -116,7 +118,7 @@ class Server:
             return INTERNAL
 
     def _finish(self, call: Call, outcome: Reply | str | None) -> None:
-        """Answer once."""
+        """Send the answer, once."""
         with self._lock:
             if call not in self._open:
                 return
@@ -125,12 +127,12 @@ class Server:
 
 
 def serves(key_expr: str, declared: Iterable[object]) -> bool:
-    """Whether any of what a bus has declared serves keys of the expression."""
+    """Return whether any declaration of a bus serves keys of the expression."""
     return any(isinstance(each, Server) and matches(each.key, key_expr) for each in declared)
 
 
 def check_free(key_expr: str, declared: Iterable[object]) -> None:
-    """Hold a bus to answering each request once.
+    """Check that no server of the same bus already serves keys of the expression.
 
     Raises:
         BusError: one of its servers has keys of the expression already.

@@ -1,4 +1,4 @@
-"""The files of certificates, looked at before a link is sought: of one that fails for their sake Zenoh says nothing."""
+"""Checks certificate files before connecting: Zenoh does not report why a TLS link fails."""
 
 import ssl
 from pathlib import Path
@@ -8,7 +8,7 @@ from bus.errors import BusError
 from bus.settings import BusSettings
 
 _MISMATCHES: Final = ("KEY_VALUES_MISMATCH", "KEY_TYPE_MISMATCH", "NO_CERTIFICATE_ASSIGNED")
-"""What OpenSSL says of a certificate's key and another one."""
+"""OpenSSL's reason when a private key does not belong to a certificate."""
 
 
 class _PassphraseError(Exception):
@@ -16,7 +16,7 @@ class _PassphraseError(Exception):
 
 
 def check_certificates(settings: BusSettings) -> None:
-    """Check that the files can be used, where there are any.
+    """Check that the certificate files given are usable.
 
     Raises:
         BusError: one cannot; the message names its setting.
@@ -40,13 +40,13 @@ def _check_certificate(setting: str, file: Path) -> None:
 def _check_key(file: Path, certificate: Path) -> None:
     said = f"tls_key {file}"
     try:
-        with file.open("rb"):  # of the two files OpenSSL does not say which it cannot open
+        with file.open("rb"):  # OpenSSL does not say which of the two files it cannot open
             _context().load_cert_chain(certificate, file, password=_refuse_to_ask)
     except _PassphraseError as error:
-        raise BusError(f"{said}: it has a passphrase, which nobody is asked for; give one without") from error
+        raise BusError(f"{said}: it has a passphrase, which is not supported; give a key without one") from error
     except ssl.SSLError as error:
         if error.reason in _MISMATCHES:
-            raise BusError(f"{said}: not the key of tls_certificate {certificate}") from error
+            raise BusError(f"{said}: does not belong to tls_certificate {certificate}") from error
         if not error.reason or error.library == "PEM":
             raise BusError(f"{said}: no PEM private key can be read from it") from error
         reason = error.reason.lower().replace("_", " ")

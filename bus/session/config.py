@@ -1,4 +1,4 @@
-"""What BusSettings mean to Zenoh. Pure."""
+"""Translates BusSettings to Zenoh's configuration. Pure."""
 
 from math import ceil
 from typing import Any, Final
@@ -7,23 +7,23 @@ from bus.session.link_use import MAX_LINKS
 from bus.settings import BusSettings
 
 OPEN_TIMEOUT_MS: Final = 1_000
-"""How long one attempt to connect may take."""
+"""Longest duration of one attempt to connect."""
 
 MAX_BLOCKED_MS: Final = 1_000
-"""How long a link may refuse a declaration before it counts as lost; short of the deadline for closing."""
+"""Time for which a link may block a declaration before it counts as lost; shorter than the deadline for closing."""
 
 MAX_FLUSH_MS: Final = 500
-"""Longest time between signs of life, which is also how long a closing link waits to write what it holds."""
+"""Longest keep-alive interval; a closing link waits as long to write its queue."""
 
 RETRY: Final = {"period_init_ms": 200, "period_max_ms": 1_000, "period_increase_factor": 2}
 NO_RETRY: Final = {"period_init_ms": 3_600_000, "period_max_ms": 3_600_000, "period_increase_factor": 1}
-"""A client's session is ended and another one opened where its link is lost."""
+"""A client that loses its link ends the session and opens a new one."""
 
 REQUEST_BATCHES: Final = 16
-"""Room of a link's queue of requests and replies, which alone have their priority: 1 MiB goes in without waiting."""
+"""Size of a link's queue of requests and replies, which have a priority of their own: 1 MiB fits at once."""
 
 IMAGE_BATCHES: Final = 16
-"""Batches of 64 KiB that wait for a link in its image queue: with 2, the default, a frame takes many turns to send."""
+"""Size of a link's image queue, in batches of 64 KiB; with the default of 2 a frame takes many rounds to send."""
 
 MAX_FRAGMENTS_WAIT_US: Final = 2_500_000
 """How long all fragments of a message that may be dropped wait for a link, 1 ms each: enough for MAX_MESSAGE_BYTES.
@@ -32,14 +32,14 @@ With 50 ms, the default, messages of some dozen megabytes are never sent whole, 
 """
 
 SOCKET_BYTES: Final = 256 << 10
-"""What the system holds at each end of a link; left to itself it is a dozen images."""
+"""Socket buffer at each end of a link; the system's default may hold a dozen images."""
 
 MAX_MESSAGE_BYTES: Final = (128 << 20) + (64 << 10)
-"""What a link takes in at most as one message: the largest payload that anybody reads, and what is around it."""
+"""Largest message that a link receives: the largest payload that is read, and its overhead."""
 
 
 def session_config(settings: BusSettings, links: int = MAX_LINKS) -> dict[str, Any]:
-    """Return Zenoh's configuration, ready to be written as JSON.
+    """Return Zenoh's configuration as a dict for JSON.
 
     links: how many there may be; they may come all at once, as after a restart.
 
@@ -51,7 +51,7 @@ def session_config(settings: BusSettings, links: int = MAX_LINKS) -> dict[str, A
         "mode": settings.mode,
         "connect": {
             "endpoints": settings.connect,
-            # One try for a client's session; others' are open at once and go on trying.
+            # A client's session tries once; others are open at once and keep trying.
             "timeout_ms": 0 if settings.mode == "client" else -1,
             "exit_on_failure": settings.mode == "client",
             "retry": NO_RETRY if settings.mode == "client" else RETRY,
@@ -92,7 +92,7 @@ def session_config(settings: BusSettings, links: int = MAX_LINKS) -> dict[str, A
 
 
 def _tls(settings: BusSettings) -> dict[str, Any]:
-    """Have both ends of a link show a certificate of the same authority, and the listener's be for the name sought."""
+    """Return the TLS settings: both ends need certificates of the same authority, the listener's for its host name."""
     sockets = {"so_sndbuf": SOCKET_BYTES, "so_rcvbuf": SOCKET_BYTES}
     if settings.tls_ca is None:
         return sockets

@@ -1,4 +1,4 @@
-"""What is declared on a session, and how it and the session are ended without an error that stops the rest."""
+"""The protocol of declarations on a session, and their end, in which no error stops the rest."""
 
 import logging
 import re
@@ -15,21 +15,21 @@ log: Final = logging.getLogger(__name__)
 
 
 class Declaration(Protocol):
-    """Something declared on a session. Both methods are called on the session's thread only."""
+    """A declaration on a session. Both methods are called on the session's thread only."""
 
     @property
     def number_of(self) -> str:
-        """The key whose number it takes (see bus.session.known_keys), or empty."""
+        """The key for which it uses a numeric id (see bus.session.known_keys), or empty."""
 
     @property
     def takes_another(self) -> bool:
-        """Whether it takes another number whenever it is declared."""
+        """Whether it uses a new numeric id with each declaration."""
 
     def declare(self, session: zenoh.Session) -> None:
-        """Declare; may raise zenoh.ZError, and is then undeclared."""
+        """Declare; may raise zenoh.ZError, and `undeclare` is called then."""
 
     def undeclare(self) -> None:
-        """Undo whatever `declare` got done; nothing if it was never called."""
+        """Undo what `declare` did, if it was called."""
 
 
 def endpoint_names(endpoints: Sequence[str]) -> str:
@@ -58,7 +58,7 @@ def log_failure(done: Future[None]) -> None:
 
 
 def reason_of(error: zenoh.ZError | BusError) -> str:
-    """Return what the system said, or Zenoh's message without the places in its own sources."""
+    """Return the system's error message, or Zenoh's without its source locations."""
     text = re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
     said = re.search(r"([^:\[]+) \(os error \d+\)", text)
     return said[1].strip() if said else text

@@ -1,4 +1,4 @@
-"""What the real bus declares on a Zenoh session."""
+"""Declarations of the real bus on a Zenoh session: publishers, watches, tokens and servers."""
 
 import asyncio
 import time
@@ -32,7 +32,7 @@ RESULTS_WAITING: Final = 64
 RETIRE_GRACE_S: Final = 1.0
 STOP_GRACE_S: Final = 0.2
 UNKEPT: Final = (QoS.IMAGE, QoS.MESSAGE)
-"""Of these nothing is there for late subscribers."""
+"""Qualities of service that keep no message for late subscribers."""
 
 PRIORITIES: Final = {
     QoS.IMAGE: Priority.DATA_LOW,
@@ -44,14 +44,14 @@ PRIORITIES: Final = {
 
 
 class Lanes:
-    """Small messages have a thread of their own, so that they never wait behind a big one."""
+    """The sending threads: small messages have their own, so that they never wait behind a large one."""
 
     def __init__(self) -> None:
         self.images = Lane("images", IMAGES_WAITING)
         self.results = Lane("results", RESULTS_WAITING)
 
     def of(self, qos: QoS) -> Lane:
-        """Return the lane of a quality of service."""
+        """Return the lane for a quality of service."""
         return self.images if qos in (QoS.IMAGE, QoS.MESSAGE, QoS.LATCHED) else self.results
 
     def stop(self) -> None:
@@ -61,7 +61,7 @@ class Lanes:
 
 
 class ZenohPublisher(MessageWriter):
-    """A publisher. What is kept has a second, plain one on the same key, since only that knows who matches."""
+    """A publisher. One that keeps messages has a second, plain one on its key, to learn of matching subscribers."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class ZenohPublisher(MessageWriter):
         self._name = getrandbits(32)
         self._number = 0
         self._declared = ExitStack()
-        self._turn = 0  # of being declared; callbacks that held the session would let go of it at any time
+        self._turn = 0  # of being declared; callbacks compare it, as one with a session would release that at any time
         self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
         self._small: zenoh.Publisher | None = None
         self._shared = SharedFrames() if qos in UNKEPT and shared_memory else None
@@ -99,7 +99,7 @@ class ZenohPublisher(MessageWriter):
 
     @property
     def kept(self) -> int:
-        """How many messages are there for those who come late or were cut off."""
+        """Messages kept for subscribers that come late or lost their link."""
         return self._kept.maxlen or 0
 
     def declare(self, session: zenoh.Session) -> None:
@@ -118,7 +118,7 @@ class ZenohPublisher(MessageWriter):
         if self._qos is QoS.MESSAGE:
             self._small = self._declare_small(session)
         self._publisher = matching if self._qos in UNKEPT else self._declare_cached(session)
-        status: Any = matching.matching_status  # the stub says bool
+        status: Any = matching.matching_status  # the type stub says bool
         self._demand.offer(wanted=status.matching, initial=True)
         self._lane.admit(self)
 
@@ -184,7 +184,7 @@ class ZenohPublisher(MessageWriter):
     def _write_numbered(self, publisher: zenoh.Publisher | ext.AdvancedPublisher, payload: Payload) -> None:
         self._number += 1
         whole = bytes(payload)
-        self._kept.append((whole, self._number))  # first: what a lost link does not take goes to the next one
+        self._kept.append((whole, self._number))  # first: what a lost link does not take goes to the next link
         try:
             publisher.put(whole, attachment=stamp(self._name, self._number, 0))
         except zenoh.ZError:
@@ -192,7 +192,7 @@ class ZenohPublisher(MessageWriter):
                 raise
 
     def undeclare(self) -> None:
-        """Write what waits, as far as that is quick, and undeclare."""
+        """Write waiting messages within a short grace period, and undeclare."""
         self._lane.retire(self, RETIRE_GRACE_S)
         try:
             self._declared.close()
@@ -203,7 +203,7 @@ class ZenohPublisher(MessageWriter):
 
 
 class ZenohWatch(PresenceReader):
-    """A watch: all of a large fleet come at once, so they are fetched in batches."""
+    """A watch. Tokens are fetched in batches, since those of a large fleet appear at once."""
 
     number_of = ""
     takes_another = False
@@ -221,7 +221,7 @@ class ZenohWatch(PresenceReader):
         self._declared.enter_context(taking(declare, self._on_changes, together=not self._few))
 
     def undeclare(self) -> None:
-        """Undeclare; whoever ends before it is declared again is told by nobody, so all of them end."""
+        """Undeclare and report all tokens as vanished: those that end before the next declaration go unnoticed."""
         try:
             self._declared.close()
         finally:
@@ -237,7 +237,7 @@ class ZenohWatch(PresenceReader):
 
 
 class ZenohToken:
-    """A presence."""
+    """A presence token."""
 
     number_of = ""
     takes_another = False
@@ -256,13 +256,13 @@ class ZenohToken:
             self._token.undeclare()
 
     def end(self) -> None:
-        """Nothing is taken out of a presence."""
+        """Do nothing: a presence has no reader."""
 
 
 class ZenohServer(Server):
-    """A server. Zenoh hands each query to one of those that declare the same key, since all say they are complete.
+    """A server. Zenoh passes each query to one of the servers of a key, since all declare themselves complete.
 
-    submit: has something done on the session's thread.
+    submit: queues a call on the session's thread.
     """
 
     takes_another = False
@@ -296,7 +296,7 @@ class ZenohServer(Server):
         if self._queryable is None or self._session is None:
             return
         self._queryable.undeclare()
-        # Else Zenoh (1.10) may go on asking the one that left although others serve the key.
+        # Otherwise Zenoh (1.10) may keep asking the server that left although others have the key.
         self._session.declare_queryable(
             self.key, Callback(zenoh.Query.drop, indirect=False), complete=False
         ).undeclare()

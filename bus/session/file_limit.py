@@ -1,15 +1,15 @@
-"""How many files this process may open: each of its links is one."""
+"""The limit of open files: each link of the process is one."""
 
 import resource
 from contextlib import suppress
 from typing import Final
 
 MOST_FILES: Final = 65_536
-"""More than any process here needs; some systems allow a billion, and programs that close all of them take for ever."""
+"""Highest limit to set: some systems allow a billion, and programs that close all files would take forever."""
 
 
 def raise_file_limit() -> int:
-    """Raise the limit of open files (`ulimit -n`) to the hard one, MOST_FILES at most; return what it is then."""
+    """Raise the soft limit of open files (`ulimit -n`) to the hard one, at most MOST_FILES; return the new limit."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = min(_finite(hard), MOST_FILES)
     if wanted > _finite(soft):

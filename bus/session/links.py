@@ -1,4 +1,4 @@
-"""The links of a session: which of the endpoints asked for are connected, and why the others are not.
+"""The links of a session: which configured endpoints are connected, and why the others are not.
 
 Zenoh (1.10) does not report why a connection failed.
 
@@ -18,7 +18,7 @@ _HOST: Final = re.compile(r"[a-z]+/\[?([^\]?#]*)\]?:\d+")
 
 
 class Links:
-    """The links that a session has, each as its own end and the other's; true while it has one that it sought."""
+    """The links of a session, each as (local end, remote end); true while one to a configured endpoint is up."""
 
     def __init__(self, settings: BusSettings) -> None:
         self._settings = settings
@@ -27,7 +27,7 @@ class Links:
 
     @property
     def count(self) -> int:
-        """How many there are, also those that others sought."""
+        """The number of links, incoming ones included."""
         return len(self._every)
 
     def __bool__(self) -> bool:
@@ -38,7 +38,7 @@ class Links:
         self._every.clear()
 
     def add(self, own: str, other: str) -> bool:
-        """Take in a link that is there; return whether it is one that was sought."""
+        """Add a link; return whether it leads to a configured endpoint."""
         self._every.add((own, other))
         sought = self._is_sought(other)
         if sought:
@@ -46,19 +46,19 @@ class Links:
         return sought
 
     def remove(self, own: str, other: str) -> bool:
-        """Take out a link that is gone; return whether it is one that was sought."""
+        """Remove a link; return whether it led to a configured endpoint."""
         self._every.discard((own, other))
         was_there = (own, other) in self._there
         self._there.discard((own, other))
         return was_there
 
     def missing(self) -> list[str]:
-        """Return the endpoints that no link is to, as far as addresses and ports tell: hosts have names."""
+        """Return the endpoints without a link, as far as addresses and ports tell: hosts may be names."""
         others = [other for _, other in self._there]
         return [endpoint for endpoint in self._settings.connect if not any(_fits(endpoint, other) for other in others)]
 
     def _is_sought(self, other: str) -> bool:
-        """Whether a link is one that was asked for, and not others' to us, as far as ports tell.
+        """Whether a link leads to a configured endpoint and is not an incoming one, as far as ports tell.
 
         Who scouts and names nobody to connect to asks for any.
         """
@@ -69,13 +69,13 @@ class Links:
 
 
 def host_of(endpoint: str) -> str:
-    """Return the host of an endpoint, or of a link's end; that of an IPv6 address without its brackets."""
+    """Return the host of an endpoint or of a link's end; an IPv6 address without brackets."""
     match = _HOST.match(endpoint)
     return match[1] if match is not None else ""
 
 
 def is_name(host: str) -> bool:
-    """Whether a host is not told by its address."""
+    """Whether a host is a name rather than an address."""
     try:
         ip_address(host)
     except ValueError:
@@ -102,11 +102,11 @@ def _fits(endpoint: str, other: str) -> bool:
 
 
 RESOLVING_S: Final = 1.0
-"""How long it is waited for a name server."""
+"""Longest wait for a name server."""
 
 
 def why_unreached(endpoints: Sequence[str]) -> str:
-    """Say in words why nothing may be linked at any of these endpoints. Takes up to RESOLVING_S for each name."""
+    """Return in words why none of these endpoints may have a link. Takes up to RESOLVING_S for each name."""
     said = {endpoint: _why_unresolved(host_of(endpoint)) for endpoint in endpoints}
     resolved = [endpoint for endpoint, unresolved in said.items() if not unresolved]
     reasons = list(dict.fromkeys(unresolved for unresolved in said.values() if unresolved))
@@ -138,4 +138,4 @@ def _why_unresolved(host: str) -> str:
     try:
         return said.get(timeout=RESOLVING_S)
     except queue.Empty:
-        return f"no name server says within {RESOLVING_S:g} s where {host} is"
+        return f"{host} does not resolve: no name server answered within {RESOLVING_S:g} s"

@@ -1,4 +1,4 @@
-"""Memory of the process: how much of it may be locked for sharing, and how the C allocator returns it."""
+"""Memory of the process: the limit of locked memory, and the C allocator's settings."""
 
 import ctypes
 import mmap
@@ -12,7 +12,7 @@ KEPT_BYTES: Final = 32 << 20
 
 
 def keep_freed_memory() -> None:
-    """Have glibc keep up to KEPT_BYTES of freed memory; nothing where another C library is.
+    """Let glibc keep up to KEPT_BYTES of freed memory; does nothing with another C library.
 
     By default it gives each image's megabyte back to the system, and getting it again page by page costs more than
     copying the image.
@@ -24,21 +24,21 @@ def keep_freed_memory() -> None:
 
 
 SHAREABLE_BYTES: Final = 512 << 20
-"""What a process must be able to lock before it shares any: room for a few dozen cameras."""
+"""Memory that a process must be able to lock before it uses shared memory: room for a few dozen cameras."""
 
 _MLOCK_ONFAULT: Final = 1
-"""Locks pages as they are touched: asks for leave without taking the memory."""
+"""Locks pages when they are touched: tests the permission without taking the memory."""
 
 
 def may_lock(size: int) -> bool:
-    """Return whether this process may lock so many bytes, once its limit (`ulimit -l`) is raised as far as may be."""
+    """Raise the limit of locked memory (`ulimit -l`) as far as allowed; return whether so many bytes fit."""
     _, hard = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     with suppress(ValueError, OSError):
         resource.setrlimit(resource.RLIMIT_MEMLOCK, (hard, hard))
     mlock2 = getattr(ctypes.CDLL(None), "mlock2", None)
     try:
         memory = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
-    except OSError:  # where the system promises no more than it has
+    except OSError:  # where the system does not overcommit memory
         return False
     with memory:
         start = ctypes.c_char.from_buffer(memory)

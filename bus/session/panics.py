@@ -1,10 +1,10 @@
-"""Zenoh's panics, which Python code would not expect."""
+"""Turns Zenoh's panics into BusError."""
 
 from bus.errors import BusError
 
 
 class _PanicsAreErrors:
-    """A class of its own and not a generator: one is entered for every message."""
+    """A class instead of a generator, for speed: one is entered for every message."""
 
     def __enter__(self) -> None:
         return None
@@ -18,5 +18,5 @@ _PANICS_ARE_ERRORS = _PanicsAreErrors()
 
 
 def panics_are_errors() -> _PanicsAreErrors:
-    """Raise BusError where Zenoh panics: what it raises is no Exception, and would end a thread without a word."""
+    """Raise BusError when Zenoh panics: its own error is no Exception and would end a thread silently."""
     return _PANICS_ARE_ERRORS

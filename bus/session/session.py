@@ -1,4 +1,4 @@
-"""The thread that owns the Zenoh session: opening, declaring, undeclaring and closing may block, so it does them."""
+"""The thread that owns the Zenoh session and makes its blocking calls: open, declare, undeclare, close."""
 
 import contextlib
 import json
@@ -31,29 +31,29 @@ from bus.session.timing import BRIEF_S, LOOK_S, REST_S, RETRY_S, SETTLING_S
 from bus.settings import BusSettings
 
 IN_A_ROW: Final = 8
-"""How many declarations a router is given to work off before it gets more."""
+"""Declarations that a router receives before the thread waits for it to process them."""
 
 
 TELL_AFTER_S: Final = 3.0
-"""How long a router or peer may take to link before it is said that it waits."""
+"""Time that a router or peer may take to connect before the log says that it waits."""
 
 RENEWED_AFTER: Final = 10_000
-"""Declarations after which another session follows a client's: each may take a number (see bus.session.known_keys)."""
+"""Declarations after which a client opens a new session: each may use an id (see bus.session.known_keys)."""
 
 OTHERS_RENEWED_AFTER: Final = 50_000
-"""Of a router or peer, with which all links end, as many that took another number."""
+"""The same for a router or peer, whose links all end with it: only declarations that use a new id count."""
 
 
 NEVER: Final = 0
 
 _NOBODY: Final = "nobody"
-"""A presence that is not there."""
+"""A token that nobody declares."""
 
 _log: Final = logging.getLogger(__name__)
 
 
 class SessionThread:
-    """Opens a session, again and again if it is a client's and nobody answers; declares what is kept on it.
+    """Opens a session, retrying for a client whose routers do not answer, and makes the kept declarations on it.
 
     Another one follows that of a client whose link is lost, and any with very many declarations. Zenoh's own (1.10)
     may go on with what a router has not yet taken for lost, and then mixes up what keys the two speak of; it may give
@@ -68,7 +68,7 @@ class SessionThread:
         self._kept: dict[Declaration, None] = {}
         self._numbers = Numbers()
         self._session: zenoh.Session | None = None
-        self._turn = NEVER  # of being open; callbacks that held the session would let go of it at any time (see REST_S)
+        self._turn = NEVER  # callbacks compare it, as one with a session would release that at any time (see REST_S)
         self._links = Links(settings)
         self._link_warning = LinkWarning()
         self._tuning = Tuning(self.do)
@@ -79,7 +79,7 @@ class SessionThread:
         self._tell_at: float | None = None
         self._opened_at = 0.0
         self._unsettled = 0
-        self._declared = 0  # since the session is open; a client's are all counted: keys may be new ones, too
+        self._declared = 0  # on this session; a client counts all of them, since any key may be new
         self._cut = threading.Event()
         self._ended: zenoh.Session | None = None  # see REST_S
         self._thread = threading.Thread(target=self._run, name="bus-session", daemon=True)
@@ -87,12 +87,12 @@ class SessionThread:
 
     @property
     def is_open(self) -> bool:
-        """Whether there is a session; its links may be down all the same."""
+        """Whether a session is open; its links may still be down."""
         return self._session is not None
 
     @property
     def link_problem(self) -> str:
-        """Why nobody can be heard, in words, or empty."""
+        """Why the bus has no link, in words, or empty."""
         if self._session is not None and (self._links or not self._settings.connect):
             return ""
         if self._session is None and self._turn != NEVER and self._settings.mode != "client":
@@ -105,11 +105,11 @@ class SessionThread:
         return LinkUse(self._links.count, self._most_links)
 
     def open(self) -> Future[None]:
-        """Try to open once; a client whose routers do not answer goes on trying by itself, others fail."""
+        """Try to open once. A client whose routers do not answer keeps trying in the background; others fail."""
         return self.submit(self._begin)
 
     def keep(self, declaration: Declaration) -> Future[None]:
-        """Declare, now or when the session is open."""
+        """Declare, now or once the session is open."""
         return self.submit(lambda: self._declare(declaration))
 
     def drop(self, declaration: Declaration) -> Future[None]:
@@ -117,16 +117,16 @@ class SessionThread:
         return self.submit(lambda: self._undeclare(declaration))
 
     def ask(self, asking: PendingRequest) -> None:
-        """Send a request; its outcome comes by itself."""
+        """Send a request; its outcome is set later."""
         self.do(partial(self._ask, asking))
 
     def stop(self, then: Callable[[], None]) -> Future[None]:
-        """Undeclare everything, close the session, call `then`, end the thread."""
+        """Undeclare everything, close the session, call `then`, and end the thread."""
         self._stopping.set()
         return self.submit(lambda: self._stop(then))
 
     def submit(self, act: Callable[[], None]) -> Future[None]:
-        """Have something done on the session's thread, after what was submitted before. Any thread."""
+        """Queue a call on the session's thread. Any thread."""
         future: Future[None] = Future()
 
         def job() -> None:
@@ -147,7 +147,7 @@ class SessionThread:
         return future
 
     def do(self, act: Callable[[], None]) -> None:
-        """Have something done that nobody waits for. Any thread."""
+        """Queue a call whose result nobody waits for. Any thread."""
         self.submit(act).add_done_callback(log_failure)
 
     def _run(self) -> None:
@@ -203,7 +203,7 @@ class SessionThread:
         self._use(session)
 
     def _tell(self) -> None:
-        """Say what a router or peer has no link to: it goes on trying without a word."""
+        """Log the endpoints to which a router or peer has no link: Zenoh keeps trying silently."""
         if missing := self._links.missing():
             self._warn_of(missing)
 
@@ -242,10 +242,10 @@ class SessionThread:
         self._settle(session)
 
     def _settle(self, session: zenoh.Session) -> None:
-        """Wait now and then until the router has worked off what was declared.
+        """Wait after every IN_A_ROW declarations until the router has processed them.
 
-        In a large fleet it takes up to a millisecond for each. It works off all that it has read of a link before it
-        reads others, and takes those for lost that it has not read for their lease (Zenoh 1.10).
+        In a large fleet each takes it up to a millisecond. It processes all that it has read from a link before it
+        reads others, and counts links as lost that it has not read for their lease time (Zenoh 1.10).
         """
         self._unsettled += 1
         if self._settings.mode != "client" or self._unsettled < IN_A_ROW:
@@ -259,7 +259,7 @@ class SessionThread:
                 pass
 
     def _end(self, session: zenoh.Session) -> None:
-        """End a session, and have another one opened."""
+        """End the session and schedule a new one."""
         self._session, self._ended = None, session
         self._turn += 1
         self._links.clear()
@@ -277,7 +277,7 @@ class SessionThread:
         return endpoint_names(self._settings.connect)
 
     def _on_link(self, turn: int, event: zenoh.LinkEvent) -> None:
-        """Have the session's thread act on it; this one is Zenoh's."""
+        """Pass a link event from Zenoh's thread to the session's thread."""
         up = event.kind == zenoh.SampleKind.PUT
         if not up and self._settings.mode == "client" and turn == self._turn:
             self._cut.set()
@@ -311,7 +311,7 @@ class SessionThread:
         is_client = self._settings.mode == "client"
         self._declared += is_client or declaration.takes_another
         if self._declared >= (RENEWED_AFTER if is_client else OTHERS_RENEWED_AFTER):
-            _log.info("another session, after %d declarations on this one", self._declared)
+            _log.info("opening a new session after %d declarations on this one", self._declared)
             self._end(self._session)
 
     def _undeclare(self, declaration: Declaration) -> None:

@@ -1,4 +1,4 @@
-"""What Zenoh (1.10) has no setting for on its own TCP connections.
+"""TCP options for which Zenoh (1.10) has no setting.
 
 Links close in time although the other end no longer reads: Zenoh gives its connections ten seconds to get rid of what
 is unsent, and waits for that when it closes a session. Small messages do not wait behind images in the system where a
@@ -15,7 +15,7 @@ from typing import Final
 
 LINGER_S: Final = 1
 UNSENT_BYTES: Final = 64 << 10
-"""What the system takes ahead of a link, beside what is on its way: as much as Zenoh writes at once."""
+"""Most unsent data that the system buffers for a link: as much as Zenoh writes at once."""
 
 _FILES: Final = Path("/proc/self/fd")
 _LINGER: Final = struct.pack("ii", 1, LINGER_S)
@@ -24,7 +24,7 @@ _log: Final = logging.getLogger(__name__)
 
 
 class Tuning:
-    """Tunes links as they come: all that have come by then at once, for each look is at every file of the process.
+    """Sets the options of new links, several at once, since each pass looks at every open file of the process.
 
     do: has something done a little later, on the thread that adds links.
     """
@@ -34,7 +34,7 @@ class Tuning:
         self._new: set[str] = set()
 
     def add(self, locator: str) -> None:
-        """Have the links tuned whose own end is at a locator."""
+        """Queue the links whose local end is at a locator."""
         if not self._new:
             self._do(self._tune)
         self._new.add(locator)
@@ -43,12 +43,12 @@ class Tuning:
         locators, self._new = self._new, set()
         try:
             tune(locators)
-        except OSError as error:  # the system tells nobody what is connected: links do without
-            _log.debug("links at %s are not tuned: %s", ", ".join(locators), error)
+        except OSError as error:  # the system does not list connections: links work without the options
+            _log.debug("TCP options of links at %s are not set: %s", ", ".join(locators), error)
 
 
 def tune(locators: Collection[str]) -> None:
-    """Bound how long this process's connections whose own end is at a locator linger, and what they hold unsent.
+    """Bound the linger time and the unsent data of connections whose local end is at a locator.
 
     A locator is like tcp/127.0.0.1:7447 or tcp/[::1]:7447?rel=0.
     """
@@ -72,7 +72,7 @@ def _tune(descriptor: int, addresses: Collection[str]) -> None:
         return
     try:
         connection = socket.socket(fileno=duplicate)
-    except OSError:  # closed meanwhile, and opened again as something else
+    except OSError:  # closed meanwhile and reused for something else
         os.close(duplicate)
         return
     with connection:

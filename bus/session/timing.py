@@ -1,26 +1,26 @@
-"""How long a session is waited for, and when another one follows it."""
+"""Timing of the session: retries, rest before a new session, and deadlines."""
 
 from typing import Final
 
 RETRY_S: Final = 0.5
-"""Between attempts, and up to as long again: a fleet does not try in step."""
+"""Delay between attempts, plus up to as much at random, so that a fleet does not retry in step."""
 
 
 BRIEF_S: Final = 5.0
-"""A session that lived no longer is followed by another one only after RETRY_S."""
+"""After a session that lived no longer than this, the next one waits for RETRY_S."""
 
 
 REST_S: Final = 0.2
-"""How long nothing follows the end of a session.
+"""Pause between the end of a session and the next one.
 
-Letting go of one holds the interpreter lock until a thread of Zenoh's has time, which may wait for that lock itself to
-call back (1.10), for ten seconds. By then nothing calls back any more.
+Releasing a session holds the interpreter lock until a Zenoh thread has time, which may wait for that lock itself to
+call back (1.10), for ten seconds. After the pause no callbacks are left.
 """
 
 
 SETTLING_S: Final = 1.0
-"""Longest wait for that; short of the deadline for closing."""
+"""Longest wait for a router to process declarations; shorter than the deadline for closing."""
 
 
 LOOK_S: Final = 0.1
-"""How often it is looked meanwhile whether there is still anything to wait for."""
+"""Interval at which such a wait checks whether the session is ending."""

@@ -1,4 +1,4 @@
-"""Work that any number of workers share with no coordinator: who looks after which camera, and how much it can take."""
+"""Work sharing without a coordinator: which worker serves which camera, and at what rate."""
 
 from bus.sharing.pace import Pace
 from bus.sharing.settings import SharingSettings

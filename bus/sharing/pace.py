@@ -1,44 +1,44 @@
-"""How many frames a second a worker can use, by what became of those it got. Pure."""
+"""Controls the frame rate that a worker asks for, from the frames it processed and lost. Pure."""
 
 from dataclasses import dataclass
 from typing import Final
 
 WINDOW_S: Final = 1.0
-"""For how long what became of frames is watched, at least."""
+"""Shortest measuring window."""
 
 TURNS: Final = 2
-"""How often each camera had its turn by then, if that takes no longer than LONGEST_S."""
+"""Frames of each camera in a window, if that takes no longer than LONGEST_S."""
 
 FEWEST: Final = 10
-"""Frames that say something about a rate."""
+"""Fewest frames that give a rate."""
 
 LONGEST_S: Final = 5.0
-"""A window that is so long says something whatever came."""
+"""Longest measuring window, whatever came in it."""
 
 MUCH_LOST: Final = 0.1
-"""Of its frames this much is lost at a worker that cannot keep up."""
+"""A worker that loses a larger fraction of its frames cannot keep up."""
 
 SOME_LOST: Final = 0.06
-"""More lost frames than this make a limit too high."""
+"""Above this fraction of lost frames the limit is too high."""
 
 IDLE: Final = 0.06
-"""More idle time than this makes a limit too low, if no frames are lost."""
+"""Above this fraction of idle time the limit is too low, if no frames are lost."""
 
 MUCH_IDLE: Final = 0.5
-"""With more idle time than this it is not the limit that loses frames."""
+"""Above this fraction of idle time lost frames do not come from the limit."""
 
 HEADROOM: Final = 0.95
-"""Of the rate at which a worker worked when it was flooded this much can be used with little waiting."""
+"""Fraction of a saturated worker's rate that can be used with little waiting."""
 
 UNUSED: Final = 0.5
-"""A limit of which no more than this is used by cameras is none."""
+"""A limit of which cameras use no larger fraction than this is dropped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Totals:
-    """What became of a worker's frames since it started: looked at, or too many for it. busy_s: time spent on them.
+    """Counts of a worker's frames since it started: processed, and lost to overload. busy_s: time spent on them.
 
-    What cameras that left had lost may be forgotten.
+    Losses of cameras that left may be forgotten.
     """
 
     done: int = 0
@@ -47,7 +47,7 @@ class Totals:
 
 
 class Pace:
-    """The rate for all of a worker's cameras together that keeps it busy while few frames are sent in vain.
+    """The joint rate of a worker's cameras that keeps it busy while few frames are sent in vain.
 
     There is none until frames are lost; it then follows what gets done, down when frames are lost, up when there is
     time left, and ends when the cameras send much less than they might. It falls no lower than what gets done: frames
@@ -60,7 +60,7 @@ class Pace:
         self._before = Totals()
 
     def look(self, totals: Totals, cameras: int, now_s: float) -> bool:
-        """Take in what became of frames; return whether the limit changed. To be called a few times a second."""
+        """Update from the totals; return whether the limit changed. Call a few times a second."""
         if self._since_s is None:
             self._begin(totals, now_s)
             return False

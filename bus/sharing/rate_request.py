@@ -1,4 +1,4 @@
-"""Ask a camera's gateway for as many frames as can be used."""
+"""Requests a frame rate from a camera's gateway."""
 
 import asyncio
 import time
@@ -11,11 +11,11 @@ from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
 from schemas.keys import StreamKey
 
 REPEAT_S: Final = 5.0
-"""How often a limit is said again: a gateway forgets it with the link on which it was said."""
+"""Interval at which a limit is repeated: a gateway forgets it with the link on which it came."""
 
 
 class RateRequest:
-    """What the gateway of one camera is asked for; nothing, until there is a limit. Changes in between are merged.
+    """The frame rate requested from one camera's gateway; none until there is a limit. Quick changes are merged.
 
     hz: frames a second, None for all of them. from_ns: when the next one is wanted, in nanoseconds since the epoch.
     """
@@ -27,7 +27,7 @@ class RateRequest:
         self._changed = asyncio.Event()
 
     def ask(self, hz: float | None, wait_s: float = 0.0) -> None:
-        """Ask for no more than `hz` frames a second (None: all of them), the next one after `wait_s` seconds."""
+        """Request at most `hz` frames a second (None: all of them), the next one after `wait_s` seconds."""
         if hz is None and self.hz is None:
             return
         self.hz = None if hz is None else max(LEAST_HZ, hz)
@@ -36,7 +36,7 @@ class RateRequest:
         self._changed.set()
 
     async def tell(self, bus: Bus, frames: StreamKey, consumer: str) -> None:
-        """Tell the gateway who wants the frames of a stream, each change, and now and then a limit, for ever."""
+        """Publish the consumer's request for a stream on each change, and a limit every REPEAT_S, forever."""
         if self.hz is None:
             self._changed.clear()
             await self._changed.wait()

@@ -1,4 +1,4 @@
-"""Which cameras fall to which worker: weighted rendezvous hashing over the workers that are present. Pure."""
+"""Assigns cameras to workers: weighted rendezvous hashing over the workers that are present. Pure."""
 
 import math
 from collections import defaultdict
@@ -13,7 +13,7 @@ _BYTES: Final = 8
 
 
 def owner(camera: CameraKey, workers: Collection[WorkerAlive]) -> str | None:
-    """Return the worker that a camera falls to: one of those for its robot, or else one of those for any."""
+    """Return the worker that owns a camera: one for its robot, or else one for any robot."""
     bound = [worker for worker in workers if worker.robot == camera.robot]
     able = bound or [worker for worker in workers if worker.robot is None]
     return max(able, key=lambda worker: (_score(worker, camera), worker.worker)).worker if able else None
@@ -24,13 +24,13 @@ def _score(worker: WorkerAlive, camera: CameraKey) -> float:
 
 
 def _log_uniform(worker: str, camera: CameraKey) -> float:
-    """Return the logarithm of a number that is as good as random, between 0 and 1 and neither of them."""
+    """Return the logarithm of a pseudo-random number between 0 and 1, both excluded."""
     digest = blake2b(f"{worker}/{camera}".encode(), digest_size=_BYTES).digest()
     return math.log((int.from_bytes(digest) + 0.5) / (1 << 8 * _BYTES))
 
 
 HAND_OVER_S: Final = 2.0
-"""How long a camera that falls to another worker is still looked after here when that one does not take it over."""
+"""Time for which a worker still serves a camera that now belongs to another one, until that one takes over."""
 
 T = TypeVar("T")
 
@@ -40,7 +40,7 @@ MAX_TAKEN: Final = 2 * MAX_CAMERAS
 
 
 class Shares:
-    """One worker's part of the work.
+    """One worker's share of the cameras.
 
     A camera that falls to another worker stays here until that one says that it has taken it over, or for HAND_OVER_S:
     a short overlap beats a gap. Results of the same frame twice have the same identity.
@@ -57,11 +57,11 @@ class Shares:
 
     @property
     def serving(self) -> frozenset[CameraKey]:
-        """What the last plan says to look after."""
+        """The cameras to serve according to the last plan."""
         return frozenset(self._served)
 
     def worker(self, token: WorkerAlive, *, alive: bool) -> bool:
-        """Note that a worker came or went; return whether that was news. More than MAX_WORKERS are not taken in."""
+        """Note that a worker came or went; return whether that is new. Those over MAX_WORKERS are ignored."""
         news = _note(self._workers, token, alive=alive, limit=MAX_WORKERS)
         if news and alive:
             self._compare(token)
@@ -70,7 +70,7 @@ class Shares:
         return news
 
     def camera(self, camera: CameraKey, *, alive: bool) -> bool:
-        """Note that a camera came or went; return whether that was news. More than MAX_CAMERAS are not taken in."""
+        """Note that a camera came or went; return whether that is new. Those over MAX_CAMERAS are ignored."""
         if alive == (camera in self._cameras) or (alive and len(self._cameras) >= MAX_CAMERAS):
             return False
         if alive:
@@ -81,7 +81,7 @@ class Shares:
         return True
 
     def taken(self, token: Serves, *, alive: bool) -> bool:
-        """Note that a worker has taken a camera over, or let it go; return whether that was news."""
+        """Note that a worker took a camera over or released it; return whether that is new."""
         workers = self._taken[token.camera]
         news = _note(workers, token.worker, alive=alive, limit=len(workers) + MAX_TAKEN - self._taken_count)
         if news:
@@ -91,7 +91,7 @@ class Shares:
         return news
 
     def plan(self, now_s: float, most: int) -> frozenset[CameraKey]:
-        """Return what to look after from now on: at most `most` cameras, those known longest first.
+        """Return the cameras to serve from now on: at most `most`, those known longest first.
 
         now_s: any steady clock; a plan is good until `next_s`, or until there is news.
         """
@@ -112,7 +112,7 @@ class Shares:
         return self.serving
 
     def _compare(self, joined: WorkerAlive) -> None:
-        """Let a worker that joined win from the owners that are known; all others stay as they are."""
+        """Compare a worker that joined with the known owners; all other assignments stay."""
         tokens = defaultdict[str | None, list[WorkerAlive]](list)
         for each in self._workers:
             tokens[each.worker].append(each)
@@ -120,12 +120,12 @@ class Shares:
 
     @property
     def next_s(self) -> float | None:
-        """When the plan changes by itself, by the clock that it was made by; None if never."""
+        """When the plan changes by itself, on the clock given to `plan`; None if never."""
         return min((until_s for until_s in self._served.values() if until_s is not None), default=None)
 
     @property
     def handing_over(self) -> bool:
-        """Whether something is looked after that has fallen to another worker."""
+        """Whether a camera is still served that now belongs to another worker."""
         return self.next_s is not None
 
 

@@ -1,4 +1,4 @@
-"""How a worker shares the work with others. Plain data: whoever builds it reads environment, files and arguments."""
+"""Settings of work sharing. Plain data: the caller reads environment, files and arguments."""
 
 import os
 import secrets
@@ -12,12 +12,12 @@ from schemas.worker_keys import MAX_WEIGHT, MIN_WEIGHT, WorkerAlive, parse_worke
 
 
 def default_worker_name() -> str:
-    """Return a name no other worker has: the machine's, the process's, and, as containers share those, one by lot."""
+    """Return a unique worker name from host name, process id and, since containers share those, a random part."""
     return f"{machine_name(socket.gethostname())}-{os.getpid()}-{secrets.token_hex(2)}"
 
 
 def machine_name(host: str) -> str:
-    """Return what of a host's name may stand in a key."""
+    """Return the host name without characters that a key cannot contain."""
     machine = "".join(letter if letter.isascii() and letter.isalnum() else "-" for letter in host).strip("-")
     return machine[:50] or "worker"
 
@@ -35,7 +35,7 @@ WorkerName = Annotated[str, _named("worker")]
 
 
 class SharingSettings(BaseModel):
-    """Fields that every process has that shares the fleet's cameras with others like it."""
+    """Settings of every process that shares the fleet's cameras with others of its kind."""
 
     heading: ClassVar = "sharing the work"
 
@@ -44,15 +44,15 @@ class SharingSettings(BaseModel):
         default=1.0,
         ge=MIN_WEIGHT,
         le=MAX_WEIGHT,
-        description="this worker's share of the cameras beside others': with 2 it gets twice as many as with 1",
+        description="this worker's weight when cameras are shared: with 2 it gets twice as many as with 1",
     )
     robots: list[RobotName] = Field(
         default=[],
         max_length=100,
-        description="work for these robots alone, and before all workers that are for any; any robot unless given",
+        description="serve only these robots, with priority over workers for any robot; any robot by default",
     )
 
     def tokens(self, service: str) -> list[WorkerAlive]:
-        """Return what the worker says of itself, as others read it."""
+        """Return the worker's presence tokens, as others read them."""
         told = (WorkerAlive(service, self.worker, self.weight, robot) for robot in self.robots or (None,))
         return [parse_worker_alive(str(token)) for token in told]

@@ -1,4 +1,4 @@
-"""Look after the cameras that fall to this worker, for as long as they do."""
+"""Serves the cameras that belong to this worker, for as long as they do."""
 
 import asyncio
 import logging
@@ -17,25 +17,25 @@ from schemas.status import MAX_STREAMS
 from schemas.worker_keys import Serves, WorkerAlive
 
 SETTLE_S: Final = 0.03
-"""How long news of workers and cameras is gathered before it is acted upon."""
+"""Time for which changes of workers and cameras are gathered before the plan is updated."""
 
 JOIN_S: Final = 0.2
-"""How long a new worker listens to who is there before it joins."""
+"""Time for which a new worker watches the others before it joins."""
 
 LEAVE_S: Final = 0.8
-"""How long a worker that leaves goes on until others have taken over."""
+"""Longest time for which a leaving worker continues until others have taken over."""
 
 UNWANTED_S: Final = 0.2
-"""A camera whose results nobody has wanted for so long since it was taken over is taken over."""
+"""A new camera whose results nobody has wanted for this long counts as taken over."""
 
 Serve = Callable[[CameraKey, Callable[[], None]], Awaitable[None]]
-"""Looks after a camera until cancelled; calls what it is given once results come, or nobody wants any."""
+"""Serves a camera until cancelled; calls its second argument once results come, or nobody wants any."""
 
 log = logging.getLogger(__name__)
 
 
 class Sharing:
-    """One worker's place among those of its service.
+    """One worker's part in the work sharing of its service.
 
     tokens: what it says of itself, see `SharingSettings.tokens`. stream: the one whose presence says that there is a
     camera to look after. serve: does it, one call at a time for each camera. most: how many cameras at a time.
@@ -68,7 +68,7 @@ class Sharing:
         self._ending: dict[CameraKey, Task[None]] = {}
 
     async def run(self) -> None:
-        """Share the work until cancelled; then leave it to the others, which takes LEAVE_S at most."""
+        """Share the work until cancelled; then hand it over to the others, within LEAVE_S."""
         async with (
             self._bus.watch(worker_keys.every_worker_alive(self._service)) as workers,
             self._bus.watch(worker_keys.every_serves(self._service)) as taken,
@@ -107,7 +107,7 @@ class Sharing:
         ending = [*self._tasks.values(), *self._ending.values()]
         for task in self._tasks.values():
             task.cancel()
-        if ending:  # the group would cancel them once more, in the middle of what they still publish
+        if ending:  # the group would cancel them again, while they publish their last messages
             await asyncio.wait(ending)
 
     async def _news_or_time(self) -> None:
@@ -125,19 +125,19 @@ class Sharing:
         for camera in more:
             self._tasks[camera] = group.create_task(self._look_after(camera, self._ending.get(camera)))
         if fewer or more:
-            log.info("looks after %d cameras: %d more, %d fewer", len(planned), len(more), len(fewer))
+            log.info("serving %d cameras: %d added, %d removed", len(planned), len(more), len(fewer))
         if len(planned) == self._most and more:
-            log.warning("cameras are left out: %d are looked after already", self._most)
+            log.warning("further cameras are left out: this worker serves %d, its limit", self._most)
 
     def _end(self, camera: CameraKey) -> None:
         task = self._tasks.pop(camera)
         task.cancel()
-        if camera not in self._ending:  # else it waits for that one, and has begun nothing
+        if camera not in self._ending:  # otherwise it waits for the previous task and has begun nothing
             self._ending[camera] = task
             task.add_done_callback(lambda _: self._ending.pop(camera))
 
     async def _look_after(self, camera: CameraKey, before: Task[None] | None) -> None:
-        """Serve a camera, once what served it before has ended."""
+        """Serve a camera, once its previous task has ended."""
         if before is not None:
             await asyncio.wait([before])
         took_over = asyncio.Event()
@@ -167,7 +167,8 @@ class Sharing:
             return self._shares.worker(token, alive=presence.alive)
         if presence.alive and not (self._joined and token in self._tokens):
             log.warning(
-                "another worker is called %s: each takes the other for itself, and does all its work", token.worker
+                "another worker is also called %s: both will process the same cameras; give each its own --worker",
+                token.worker,
             )
         return False
 
@@ -179,7 +180,7 @@ class Sharing:
 
 
 async def say_unwanted(demand: SharedDemand, took_over: Callable[[], None]) -> None:
-    """Say that a camera is taken over once nobody wants its results: none will come that could say so."""
+    """Report a camera as taken over when nobody wants its results: none will come that could report it."""
     await asyncio.sleep(UNWANTED_S)
     await demand.until(wanted=False)
     took_over()

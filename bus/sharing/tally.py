@@ -1,4 +1,4 @@
-"""What became of one camera's work at a worker, and of all of them. Pure."""
+"""Tallies of a worker's cameras: work done, and drops by reason. Pure."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
@@ -11,7 +11,7 @@ from schemas.status import MAX_STREAMS, CameraLoad
 
 
 class Tally:
-    """Counts how much of a camera's work was done, and what was dropped, by reason."""
+    """Counts a camera's results, and its drops by reason."""
 
     def __init__(self, camera: CameraKey) -> None:
         self.camera = camera
@@ -19,13 +19,13 @@ class Tally:
         self.dropped: Counter[str] = Counter()
 
     def add(self, what: str, dropped: Counter[str]) -> None:
-        """Note what became of things of a kind, by reason, and forget it there."""
+        """Move the drops of one kind of thing, by reason, into this tally."""
         for reason, count in dropped.items():
             self.dropped[f"{what}: {reason}"] += count
         dropped.clear()
 
     def load(self, *, serving: bool, budget_hz: float | None = None) -> CameraLoad:
-        """Return the counts as a message, none higher than it can hold."""
+        """Return the counts as a message, capped to its range."""
         return CameraLoad(
             robot=self.camera.robot,
             camera=self.camera.camera,
@@ -40,7 +40,7 @@ T = TypeVar("T", bound=Tally)
 
 
 class Tallies(Generic[T]):
-    """Tallies of the cameras that a worker serves, and of those it served last.
+    """Tallies of the cameras that a worker serves now or served last.
 
     new: makes one. most: how many there are; only cameras that are being served may be more. kept: they, those that
     began to be served last at the end.
@@ -54,7 +54,7 @@ class Tallies(Generic[T]):
 
     @contextmanager
     def serving(self, camera: CameraKey) -> Iterator[T]:
-        """Serve a camera; its tally goes on from where it was, unless too many others were served since."""
+        """Yield a camera's tally while it is served; it continues from before unless too many others came since."""
         tally = self.kept.pop(camera) if camera in self.kept else self._new(camera)
         self.kept[camera] = tally
         self._served.add(camera)
@@ -67,7 +67,7 @@ class Tallies(Generic[T]):
             self._served.discard(camera)
 
     def loads(self, budgets_hz: Mapping[CameraKey, float | None] | None = None) -> list[CameraLoad]:
-        """Return each camera's counts as a message; of more than a status holds, of those served now or last.
+        """Return each camera's counts as a message; if a status cannot hold all, those served now or last.
 
         budgets_hz: how often at most a worker asked for each camera's frames, where it did.
         """

@@ -1,4 +1,4 @@
-"""Which of a robot's ROS topics become which streams, decided without I/O from what its master says. Pure."""
+"""Decides which of a robot's ROS topics become which streams, from the master's lists, without I/O. Pure."""
 
 from gateway.discovery.plan import DiscoverySettings, Plan, plan
 from gateway.discovery.unclear import unclear, unclear_clouds

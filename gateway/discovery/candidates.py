@@ -1,4 +1,4 @@
-"""Which topics could be which stream of which camera, and how well they would do."""
+"""Finds and ranks the topics that could be a camera's streams."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -28,12 +28,12 @@ from schemas.image import DEPTH_ENCODINGS
 from schemas.keys import RESERVED, Stream
 
 LEAVES: Final = ("image_raw", "points", "image_color", "image", "image_rect_color", "image_rect_raw", "image_rect")
-"""The names of pictures, the preferred one first where they show the same."""
+"""Names of image topics, the preferred one first where they show the same."""
 
 _GREY: Final = 2
 
 Rank = tuple[int, int, int, int, str]
-"""Less is better."""
+"""Sort key of a candidate; lower is better."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Candidate:
 
 
 def image_candidate(topic: Topic) -> Candidate | None:
-    """Read the name of an image, raw or compressed; None when it is not named like a camera's.
+    """Return the candidate for an image topic, raw or compressed; None unless named like a camera's.
 
     Pixels that are distances are depth, whatever the name says; infrared ones of that encoding are neither.
     """
@@ -64,7 +64,7 @@ def image_candidate(topic: Topic) -> Candidate | None:
 
 
 def is_unclear(topic: Topic) -> bool:
-    """Return whether an image's name does not say whether it is colour or depth, and its pixels are not known."""
+    """Return whether neither name nor known encoding tells if an image is colour or depth."""
     if topic.encoding or READERS.get(topic.type) is not image_candidate:
         return False
     found = _read(topic, IMAGES)
@@ -72,7 +72,7 @@ def is_unclear(topic: Topic) -> bool:
 
 
 def points_candidate(topic: Topic) -> Candidate | None:
-    """Read the name of points; None when it is not named like a camera's or lidar's."""
+    """Return the candidate for a point cloud topic; None unless named like a camera's or lidar's."""
     found = _read(topic, POINTS)
     if found is None:
         return None
@@ -80,18 +80,18 @@ def points_candidate(topic: Topic) -> Candidate | None:
 
 
 def shows_colors(points: str) -> bool:
-    """Return whether the name of points says that they are a depth camera's with the colours of a picture."""
+    """Return whether a point cloud's name says that it is a depth camera's with colours."""
     found = read(points)
     return found is not None and (bool(found.said & COLORS) or found.said >= DEPTHS | {"registered"})
 
 
 def is_rectified_color(candidate: Candidate) -> bool:
-    """Return whether a candidate for colour is a rectified image in colour or grey, of no other sensor's view."""
+    """Return whether a colour candidate is a rectified colour or grey image in its own sensor's view."""
     return candidate.rank[1] <= _GREY and says_rectified(candidate.topic.name)
 
 
 def disparity_candidate(topic: Topic) -> Candidate | None:
-    """Read the name of disparities, which are taken for depth where there is none."""
+    """Return the candidate for a disparity topic, used as depth where there is none; None unless named so."""
     found = _read(topic, DISPARITIES)
     return None if found is None else _candidate(topic, found, Stream.DEPTH, 3)
 
@@ -102,13 +102,13 @@ READERS: Final[Mapping[str, Callable[[Topic], Candidate | None]]] = {
     images.DISPARITY_TYPE: disparity_candidate,
     ros_point_cloud.TYPE_NAME: points_candidate,
 }
-"""By ROS type: what reads the names of its topics."""
+"""Candidate functions by ROS type."""
 
 
 def one_of_each_image(topics: Iterable[Topic]) -> tuple[list[Topic], dict[str, str]]:
-    """Return the topics less those that are compressed forms of others, and by topic whose form those are.
+    """Return the topics without other forms of the same image, and by left-out topic the one that is kept.
 
-    The raw form is taken where there is one. An image's `compressedDepth` is one of depth alone: image_transport
+    The raw form is kept where there is one. An image's `compressedDepth` is one of depth alone: image_transport
     advertises it for colour as well.
     """
     best: dict[str, Topic] = {}
@@ -157,13 +157,13 @@ def _modality(found: Reading) -> int:
 
 
 SIDES: Final = ("left", "stereo", "right")
-"""The last chunk of what is a part of a camera if the rest of it is a camera too; the preferred one first."""
+"""Last namespace chunks of a stereo camera's sides, if the rest is a camera too; the preferred one first."""
 
 
 def with_sides_joined(candidates: Sequence[Candidate], given: Mapping[Path, str]) -> list[Candidate]:
     """Return the candidates with both sides of a stereo camera as one camera.
 
-    Two sides of which there is nothing in common are two cameras, and stay it: `given` are the cameras with a name.
+    Sides without a common camera are two cameras and stay so. given: cameras that already have a name.
     """
     whole = {candidate.path for candidate in candidates} | given.keys()
     return [_joined(candidate, whole, given) for candidate in candidates]
@@ -177,13 +177,13 @@ def _joined(candidate: Candidate, whole: Iterable[Path], given: Mapping[Path, st
 
 
 def rectified_first(colors: Sequence[Candidate]) -> list[Candidate]:
-    """Return a camera's candidates for colour with the rectified ones of the preferred side first."""
+    """Return a camera's colour candidates, rectified ones of the preferred side first."""
     side = colors[0].rank[0]
     return sorted(colors, key=lambda each: not (each.rank[0] == side and is_rectified_color(each)))
 
 
 def best(candidates: Iterable[Candidate], names: Mapping[Path, str]) -> dict[tuple[str, Stream], list[Candidate]]:
-    """Return by camera and stream who could be it, the preferred one first."""
+    """Return the candidates by camera and stream, the preferred one first."""
     slots: dict[tuple[str, Stream], list[Candidate]] = {}
     for candidate in sorted(candidates, key=lambda each: each.rank):
         slots.setdefault((names[candidate.path], candidate.stream), []).append(candidate)
@@ -195,7 +195,7 @@ MAX_NAME: Final = 64
 
 
 def name_cameras(paths: Iterable[Path], robot: str, given: Mapping[Path, str], taken: Iterable[str]) -> dict[Path, str]:
-    """Return the name of every camera; those in `given` keep theirs, `taken` are nobody's.
+    """Return the name of every camera; those in `given` keep theirs, names in `taken` are not used.
 
     A name is the end of the camera's namespace, as much of it as tells it from the others. Of two names that ROS could
     not tell apart one gets a number.
@@ -214,7 +214,7 @@ def name_cameras(paths: Iterable[Path], robot: str, given: Mapping[Path, str], t
 
 
 def _stem(path: Path, robot: str) -> Path:
-    """Return the namespace less the robot's own, and less a node's that repeats what it is in, like zed/zed_node."""
+    """Return the namespace without the robot's, and without a node's that repeats its parent, like zed/zed_node."""
     chunks = path[1:] if len(path) > 1 and path[0] == ros_chunk(robot) else path
     if len(chunks) > 1 and chunks[-1] == f"{chunks[-2]}_node":
         chunks = chunks[:-1]
@@ -222,7 +222,7 @@ def _stem(path: Path, robot: str) -> Path:
 
 
 def _common_tail(stems: Collection[Path]) -> int:
-    """Return how many last chunks say nothing since all cameras share them."""
+    """Return the number of last chunks that all cameras share."""
     distinct = set(stems)
     if len(distinct) < 2:
         return 0
@@ -231,7 +231,7 @@ def _common_tail(stems: Collection[Path]) -> int:
 
 
 def _ends(stem: Path) -> Iterator[Path]:
-    """Return its ends, the shortest first, itself being the last."""
+    """Return the suffixes of a path, the shortest first, the path itself last."""
     return (stem[-length:] for length in range(1, len(stem) + 1))
 
 

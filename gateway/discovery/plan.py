@@ -1,4 +1,4 @@
-"""The decision: which topic becomes which stream."""
+"""Plans which topic becomes which stream."""
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -33,11 +33,11 @@ NO_TOPIC: Final = re.compile("")
 
 @dataclass(frozen=True, slots=True)
 class DiscoverySettings:
-    """What a gateway's settings say of its streams.
+    """A gateway's settings for its streams.
 
     named: topics that are taken as they are, published or not. discover: take what else is found.
-    allow, deny: patterns that the whole name of a topic matches which is found; `deny` wins.
-    rectified: streams whose pictures are, whatever their topics' names say.
+    allow, deny: patterns for the whole names of found topics; `deny` wins.
+    rectified: streams with rectified images, whatever their topics' names say.
     """
 
     robot: str
@@ -48,17 +48,17 @@ class DiscoverySettings:
     rectified: frozenset[SensorKey] = frozenset()
 
 
-NOT_A_NAME: Final = "no name that a stream's topic can have"
+NOT_A_NAME: Final = "its name is not valid for a stream's topic"
 OF_GATEWAYS: Final = "published by gateways"
-UNKNOWN_TYPE: Final = "of a type that the master does not know yet"
+UNKNOWN_TYPE: Final = "the master does not know its type yet"
 TEXT: Final = "a text; --discover --topics text/NAME=TOPIC takes it as well"
-NO_SENSOR: Final = "of no type that sensors have; --discover --topics ros/NAME=TOPIC takes it as well, as it is"
+NO_SENSOR: Final = "not a sensor's message type; --discover --topics ros/NAME=TOPIC takes it as well, as it is"
 
 TYPES: Final = READERS.keys() | {camera_info.TYPE_NAME, *transforms.TYPE_NAMES}
 
 
 def why_not(topic: Topic, wishes: DiscoverySettings, named: Collection[str]) -> str | None:
-    """Return why discovery does not look at a topic; None when it does. `named`: images that the settings name."""
+    """Return why discovery ignores a topic, or None. named: images that the settings name."""
     if not is_topic(topic.name):
         return NOT_A_NAME
     if topic.only_gateways or is_result(topic.name):
@@ -88,8 +88,8 @@ UNNAMED: Final = (
     "not named like a camera's image or points; --discover --cameras NAME=TOPIC or --discover --topics "
     "NAME/STREAM=TOPIC takes it as well"
 )
-NO_COLOR: Final = "its pixels are of an encoding of depth, and its name says infrared"
-NOBODYS: Final = "a calibration or transforms of nothing that is taken"
+NO_COLOR: Final = "its pixels are encoded as depth, but its name says infrared"
+NOBODYS: Final = "a calibration or transforms that no stream needs"
 TOO_MANY: Final = f"over {MAX_STREAMS} streams, which is the most a gateway offers"
 MAX_CAMERAS: Final = 1_000
 INFOS: Final = {Stream.COLOR: Stream.INFO, Stream.DEPTH: Stream.DEPTH_INFO}
@@ -97,7 +97,7 @@ INFOS: Final = {Stream.COLOR: Stream.INFO, Stream.DEPTH: Stream.DEPTH_INFO}
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """The topic of a stream. type: empty while it is not known."""
+    """The topic of a stream. type: empty while unknown."""
 
     topic: str
     type: str = ""
@@ -105,7 +105,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What is to be offered.
+    """The streams to offer.
 
     left_out: why, by topic. names: every camera's that was ever found. first: the camera that came first.
     rectified: see `DiscoverySettings`.
@@ -119,22 +119,22 @@ class Plan:
 
     @property
     def cameras(self) -> list[CameraKey]:
-        """The cameras with colour, of which there can be results; the one that came first is the first."""
+        """The cameras with colour, which can have results, in order of appearance."""
         return sorted(cameras_of(self.streams), key=lambda key: (key.camera != self.first, key.camera))
 
     def of_points(self, key: SensorKey) -> bool:
-        """Whether a stream is the colours of the points of its camera: both are one topic."""
+        """Return whether a colour stream is made of its camera's point cloud: both have one topic."""
         if not isinstance(key, StreamKey) or key.stream is not Stream.COLOR:
             return False
         points = self.streams.get(StreamKey(key.camera, Stream.POINTS))
         return points is not None and key in self.streams and points.topic == self.streams[key].topic
 
     def kind_of(self, key: SensorKey) -> StreamKind:
-        """Return what one of the streams carries."""
+        """Return the kind of one of the streams."""
         return kind_of(key, of_points=self.of_points(key), of_rectified=self._of_rectified(key))
 
     def _of_rectified(self, key: SensorKey) -> bool:
-        """Whether a stream is the calibration of a picture that is rectified, by its topic's name or the wishes."""
+        """Return whether a stream is the calibration of a rectified image, by its topic's name or the settings."""
         if not isinstance(key, StreamKey):
             return False
         pictures = [StreamKey(key.camera, of) for of, info in INFOS.items() if info is key.stream]
@@ -145,7 +145,7 @@ class Plan:
 
 
 def cameras_of(keys: Iterable[SensorKey]) -> list[CameraKey]:
-    """Return the cameras whose colour is among the streams."""
+    """Return the cameras that have a colour stream."""
     return [key.camera for key in keys if isinstance(key, StreamKey) and key.stream is Stream.COLOR]
 
 
@@ -153,7 +153,7 @@ NO_PLAN: Final = Plan()
 
 
 def plan(topics: Iterable[Topic], wishes: DiscoverySettings, before: Plan = NO_PLAN) -> Plan:
-    """Decide what is offered, given what is published now and what was decided before.
+    """Return the plan for the topics published now, following the previous plan.
 
     The same topics give the same plan in whatever order they are. Cameras keep the names they have.
     """
@@ -200,7 +200,7 @@ class _Planning:
         return Plan(streams, dict(sorted(self._left_out.items())), self._names, first, self._wishes.rectified)
 
     def _cameras(self, streams: Mapping[SensorKey, Source]) -> list[CameraKey]:
-        """Return the cameras with colour: those that the settings name as they do, the others by name."""
+        """Return the cameras with colour: those from the settings in their order, then the others by name."""
         return [*cameras_of(self._wishes.named), *sorted(cameras_of(streams))]
 
     def _sieved(self) -> list[Topic]:
@@ -216,7 +216,7 @@ class _Planning:
         return looked_at
 
     def _take_transforms(self, topics: Iterable[Topic]) -> None:
-        """Take `/tf` and `/tf_static`, or where there is none the one in the robot's own namespace."""
+        """Take `/tf` and `/tf_static`, or those in the robot's namespace where there is no global one."""
         found = [topic.name for topic in topics if topic.type in transforms.TYPE_NAMES]
         for stream in (TF, TF_STATIC):
             for name in (f"/{stream}", f"/{ros_chunk(self._wishes.robot)}/{stream}"):
@@ -236,18 +236,18 @@ class _Planning:
         return with_sides_joined(found, self._names)
 
     def _named(self, candidates: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates of cameras that have a name: at most MAX_CAMERAS in a gateway's life."""
+        """Return the candidates of cameras with a name: at most MAX_CAMERAS in a gateway's life."""
         known = set(self._names)
         new = sorted({candidate.path for candidate in candidates} - known)[: max(0, MAX_CAMERAS - len(known))]
         taken = [key.camera.camera for key in self._wishes.named if isinstance(key, StreamKey)]
         self._names |= name_cameras(new, self._wishes.robot, self._names_that_tell(candidates), taken)
         for candidate in candidates:
             if candidate.path not in self._names:
-                self._left_out[candidate.topic.name] = f"of more than {MAX_CAMERAS} cameras"
+                self._left_out[candidate.topic.name] = f"over {MAX_CAMERAS} cameras, which is the most a gateway offers"
         return [candidate for candidate in candidates if candidate.path in self._names]
 
     def _names_that_tell(self, candidates: Sequence[Candidate]) -> dict[Path, str]:
-        """Return the names on which those of further cameras depend.
+        """Return the names that the names of further cameras depend on.
 
         Those of topics whose names say nothing do not count, unless something is found beside these.
         """
@@ -257,7 +257,7 @@ class _Planning:
         return {path: camera for path, camera in self._names.items() if camera not in apart or path in found}
 
     def _name_what_is_named(self) -> None:
-        """Call the cameras of what the settings name as they say, and the whole of which one is a side."""
+        """Give cameras the names from the settings, also the whole camera of which one is a side."""
         for path, camera in self._named_paths():
             self._names.setdefault(path, camera)
         wholes: dict[Path, set[str]] = {}
@@ -269,7 +269,7 @@ class _Planning:
                 self._names.setdefault(path, *cameras)
 
     def _named_paths(self) -> Iterator[tuple[Path, str]]:
-        """Return the cameras that the settings name; one whose topic's name says nothing is what that is in."""
+        """Return the cameras from the settings by path; the namespace where a topic's name tells none."""
         for key, topic in self._wishes.named.items():
             found = read(image_of(topic))
             path = tuple(image_of(topic).strip("/").split("/")[:-1]) if found is None else found.path
@@ -277,7 +277,7 @@ class _Planning:
                 yield path, key.camera.camera
 
     def _wants_rectified(self, key: StreamKey, color: str, depths: Sequence[Candidate], infos: Collection[str]) -> bool:
-        """Whether a stream is colour beside rectified depth that has no calibration but colour's.
+        """Return whether a stream is colour beside rectified depth whose only calibration is colour's.
 
         One calibration is both pictures' only if both are rectified.
         """
@@ -297,13 +297,13 @@ class _Planning:
                 self._left_out[candidate.topic.name] = f"{key.name} is {taken}"
 
     def _take_colors_of_points(self) -> None:
-        """Take the picture in a cloud for the colour of a camera that has no other, where its name says colour."""
+        """Use the image in a point cloud as colour of a camera without other colour, if its name says colour."""
         for key, source in list(self._streams.items()):
             if isinstance(key, StreamKey) and key.stream is Stream.POINTS and self._shows_colors(source.topic):
                 self._streams.setdefault(StreamKey(key.camera, Stream.COLOR), source)
 
     def _shows_colors(self, topic: str) -> bool:
-        """Whether points are a picture: their name says so, and nothing that was heard of them says otherwise."""
+        """Return whether a point cloud is a colour image, by its name, unless its messages say otherwise."""
         heard = self._published[topic].encoding if topic in self._published else ""
         return shows_colors(topic) and heard in ("", points.ENCODING)
 

@@ -1,4 +1,4 @@
-"""Which topics there are, although nodes restart and masters forget. Pure."""
+"""Tracks published topics across restarts of nodes and masters. Pure."""
 
 import math
 import re
@@ -27,29 +27,29 @@ class Topic:
 
     @property
     def only_gateways(self) -> bool:
-        """Whether no sensor publishes it."""
+        """Whether only gateways publish it."""
         return all(is_gateway(node) for node in self.publishers)
 
 
 def is_topic(name: str) -> bool:
-    """Whether this is a global topic's name that the contract can carry."""
+    """Return whether this is a global topic name that the contract can carry."""
     return len(name) <= MAX_TOPIC and TOPIC.fullmatch(name) is not None
 
 
 def image_of(name: str) -> str:
-    """Return the topic of which this one is a compressed form; its own name if it is none."""
+    """Return the raw topic of a compressed image topic; any other name unchanged."""
     image, _, transport = name.rpartition("/")
     return image if image and transport in TRANSPORTS else name
 
 
 def calibrations_of(name: str) -> tuple[str, str]:
-    """Return where ROS's conventions put the calibration of an image: beside it, or beside the left one of two."""
+    """Return the conventional camera_info topics of an image: beside it, or beside the left image of a pair."""
     space = image_of(name).rpartition("/")[0]
     return f"{space}/camera_info", f"{space}/left/camera_info"
 
 
 def topics_of(publishers: Mapping[str, tuple[str, ...]], types: Mapping[str, str]) -> list[Topic]:
-    """Return what is published, given the names of publishing nodes and of message types by topic."""
+    """Return the published topics, given publishing nodes and message types by topic."""
     known = {name: kind for name, kind in types.items() if kind != "*"}
     return [Topic(name, known.get(name, ""), tuple(sorted(nodes))) for name, nodes in sorted(publishers.items())]
 
@@ -65,7 +65,7 @@ class _Seen:
 
 
 class TopicHistory:
-    """Remembers what was published.
+    """Remembers the published topics.
 
     A topic that is gone counts as published for `hold_s` more seconds, in which its node may restart. Only time in
     which the master answers counts. When a master has restarted, nodes may go on without registering again: what was
@@ -80,7 +80,7 @@ class TopicHistory:
         self._life: Hashable = None
 
     def see(self, topics: Iterable[Topic], now_s: float, life: Hashable = None) -> None:
-        """Take what the master says is published; `life` is another one once it has restarted."""
+        """Update from the master's list; `life` changes when the master has restarted."""
         self._clock_s += min(max(0.0, now_s - self._last_s), MAX_GAP_S)
         self._last_s = now_s
         if life != self._life:
@@ -94,5 +94,5 @@ class TopicHistory:
         self._seen = {name: seen for name, seen in self._seen.items() if self._clock_s - seen.at_s < self._hold_s}
 
     def topics(self) -> list[Topic]:
-        """Return what counts as published."""
+        """Return the topics that count as published."""
         return [seen.topic for _, seen in sorted(self._seen.items())]

@@ -1,4 +1,4 @@
-"""What the name of a topic says: which camera, and which of its pictures."""
+"""Reads from a topic's name which camera it belongs to, and which of its images it is."""
 
 import re
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import Final
 
 Path = tuple[str, ...]
-"""The chunks of a camera's namespace."""
+"""Chunks of a camera's namespace."""
 
 COLORS: Final = frozenset({"color", "colour", "rgb", "bgr"})
 GREYS: Final = frozenset({"mono", "gray", "grey"})
@@ -20,29 +20,29 @@ TO: Final = "to"
 WORDS: Final = (
     IMAGES | POINTS | DISPARITIES | {"raw", "rect", "registered", "aligned", "hw", "sw", "hd", "qhd", "sd", TO}
 )
-"""What names of pictures are made of; what else a chunk says is the camera's name."""
+"""Words in the names of images; other words of a chunk are the camera's name."""
 
 _MODALITIES: Final = COLORS | DEPTHS
 _BEFORE_NAMES: Final = _MODALITIES | {"registered", "aligned", TO}
-"""Words that say what is shown before a camera's name too, or amid it: depth_front, front_depth_camera."""
+"""Words for a modality that may precede or split a camera's name: depth_front, front_depth_camera."""
 
 RECTIFIED: Final = frozenset({"rect", "rectified"}) | DISPARITIES
-"""Disparities are of the left one of two rectified pictures."""
+"""Disparities belong to the left image of a rectified pair."""
 
 DEVICES: Final = frozenset({"cam", "camera", "webcam", "lidar"})
-"""A last chunk with one of these is a camera of which there is one picture."""
+"""Words that mark a last chunk as a camera with a single image."""
 
 NO_PICTURE: Final = re.compile(
     "ambient|annot.*|confidence|costmap|debug|detect.*|extrinsics|features|filtered|fused|heatmap|intensity|keypoints|labels?"
     "|map|masks?|matches|nearir|normals|octomap|output|overlay|range|reflec.*|results?|segment.*|signal|tags?|track.*"
     "|visuali[sz].*|viz|voxel"
 )
-"""A word in the names of images and points that are made of others, or that look like images and are none."""
+"""Words in the names of derived images and points, or of topics that look like images but are not."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What a name says.
+    """The parts of a topic's name.
 
     path: the camera. said: words of what is shown. onto: of what it is aligned to. leaf: the last chunk; empty where
     that is the camera.
@@ -57,12 +57,12 @@ class Reading:
 
 
 def says_rectified(name: str) -> bool:
-    """Return whether a picture's name says, as ROS's do, that the lens was taken out of it."""
+    """Return whether an image's name says, by ROS's conventions, that it is rectified."""
     return not RECTIFIED.isdisjoint(re.split("[/_]", name.lower()))
 
 
 def read(name: str) -> Reading | None:
-    """Read a topic's name, or return None when it is not one of a camera's."""
+    """Return the parts of a topic's name, or None unless it is a camera's."""
     chunks = name.strip("/").split("/")
     if any(NO_PICTURE.fullmatch(word) for chunk in chunks for word in chunk.lower().split("_")):
         return None
@@ -87,7 +87,7 @@ def _device(chunks: list[str]) -> Reading | None:
 
 
 def _without_modalities(chunks: list[str]) -> tuple[Path, list[list[str]]]:
-    """Return a camera's namespace without the words that say what is shown, and these."""
+    """Return a camera's namespace without modality words, and those words."""
     path, words = [], []
     for chunk in chunks:
         kept: list[str] = []
@@ -103,7 +103,7 @@ def _without_modalities(chunks: list[str]) -> tuple[Path, list[list[str]]]:
 
 
 def _split(chunk: str) -> tuple[str, list[str]]:
-    """Return what is before the last words of pictures, and these."""
+    """Return the part before the last image words, and those words."""
     parts = chunk.split("_")
     at = len(parts)
     while at and parts[at - 1].lower() in WORDS:

@@ -1,4 +1,4 @@
-"""Which topics are listened to before it is decided what they are, since their names do not tell."""
+"""Finds topics that must be sampled before planning, since their names do not tell their stream."""
 
 from collections.abc import Iterable
 
@@ -10,7 +10,7 @@ from schemas.keys import Stream, StreamKey
 
 
 def unclear(topics: Iterable[Topic], wishes: DiscoverySettings) -> list[Topic]:
-    """Return the images of which only their pixels say whether they are colour or depth, of those that may be taken."""
+    """Return the usable images that only their pixels identify as colour or depth."""
     if not wishes.discover:
         return []
     named = {image_of(topic) for topic in wishes.named.values()}
@@ -19,7 +19,7 @@ def unclear(topics: Iterable[Topic], wishes: DiscoverySettings) -> list[Topic]:
 
 
 def unclear_clouds(topics: Iterable[Topic], wishes: DiscoverySettings, made: Plan) -> list[Topic]:
-    """Return the clouds that would be the colour of a camera without another, were they known to be pictures.
+    """Return the clouds that would give a camera its only colour if they are organised images.
 
     Their names promise colours, but do not tell whether the clouds are organised.
     """

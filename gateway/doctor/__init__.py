@@ -1,4 +1,4 @@
-"""Why nothing flows: evidence is collected with deadlines, judged by pure checks, and told in plain words.
+"""Diagnoses why no data flows: evidence is collected with deadlines and judged by pure checks.
 
 Nothing here creates demand: no stream's key is subscribed to on the bus, and nothing is registered at the ROS master.
 """

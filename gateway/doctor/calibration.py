@@ -1,4 +1,4 @@
-"""Camera infos: whether a pixel means something in space. Pure."""
+"""Checks camera infos: whether pixels can be projected into space. Pure."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -12,29 +12,29 @@ from schemas.image import ImageFrame
 from schemas.keys import Stream
 
 OFF_CENTRE: Final = 1 / 3
-"""How much of its width or height a picture's principal point may be off its centre: lenses sit within a tenth."""
+"""Largest offset of the principal point from the centre, as a fraction of width or height; lenses reach 0.1."""
 
 
 def info_of(camera: str, stream: Stream, evidence: Evidence) -> CameraInfo | None:
-    """Return the camera info that was heard on a camera's stream."""
+    """Return the camera info received on a camera's stream."""
     look = evidence.of(camera, stream)
     return look.heard.message if look and isinstance(look.heard.message, CameraInfo) else None
 
 
 def calibration_of(camera: str, stream: Stream, evidence: Evidence) -> CameraInfo | None:
-    """Return that one if it is one: drivers send a camera info without a focal length where they have none."""
+    """Return the camera info if it is a calibration: uncalibrated drivers send one without a focal length."""
     info = info_of(camera, stream, evidence)
     return info if is_calibrated(info) else None
 
 
 def image_of(camera: str, stream: Stream, evidence: Evidence) -> ImageFrame | None:
-    """Return the first image that was heard on a camera's stream."""
+    """Return the first image received on a camera's stream."""
     look = evidence.of(camera, stream)
     return look.heard.message if look and isinstance(look.heard.message, ImageFrame) else None
 
 
 def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidence) -> Iterator[Finding]:
-    """Say what the calibration on `stream` is good for, which is that of the images on `of`."""
+    """Check the calibration on `stream`, which belongs to the images on `of`."""
     info, image = info_of(camera, stream, evidence), image_of(camera, of, evidence)
     if info is None:
         yield _without_calibration(camera, of, stream, evidence)
@@ -44,8 +44,8 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
         yield problem(
             Stage.CAMERAS,
             subject,
-            "the camera info has no focal length: the camera is not calibrated, and as without one it is unknown what "
-            "its pixels mean in space",
+            "the camera info has no focal length: the camera is not calibrated, so its pixels cannot "
+            "be projected into space",
             f"calibrate it (`{_calibrator(camera, of, evidence)}`), or have the driver load its calibration",
         )
         return
@@ -53,14 +53,14 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
         yield problem(
             Stage.CAMERAS,
             subject,
-            f"{lens}: what the camera's pixels mean in space cannot be worked out",
+            f"{lens}: the camera's pixels cannot be projected into space",
             f"have the driver publish a calibration with {PLUMB_BOB}, {RATIONAL} or equidistant distortion",
         )
     if where := _off_centre(info, image):
         yield problem(
             Stage.CAMERAS,
             subject,
-            f"the calibration cannot be of these pictures: its principal point {where}",
+            f"the calibration does not match the images: its principal point {where}",
             "have the driver load this camera's calibration at the resolution that it sends: distances and places are "
             "wrong until then",
         )
@@ -69,7 +69,7 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
         yield note(
             Stage.CAMERAS,
             subject,
-            f"{topic} has the calibration but is no stream, so distances cannot be measured off the robot",
+            f"{topic} has the calibration but is not a stream, so distances cannot be measured off the robot",
             advice.taking(subject, topic, evidence),
         )
     if image is not None and sent_pixels(info) != pixels(image):
@@ -82,7 +82,7 @@ def check_calibration(camera: str, of: Stream, stream: Stream, evidence: Evidenc
 
 
 def _off_centre(info: CameraInfo, image: ImageFrame | None) -> str:
-    """Return where the principal point is if it is outside the full picture or a third of it off its centre."""
+    """Return in words where the principal point is, if outside the full image or a third off its centre."""
     size = (info.width, info.height) if info.width and info.height else pixels(image) if image else (0, 0)
     at = info.k[2], info.k[5]
     if not all(size) or all(abs(each - side / 2) <= side * OFF_CENTRE for each, side in zip(at, size, strict=True)):
@@ -92,7 +92,7 @@ def _off_centre(info: CameraInfo, image: ImageFrame | None) -> str:
 
 
 def _calibrator(camera: str, of: Stream, evidence: Evidence) -> str:
-    """Return the command that calibrates a camera with a chessboard of 9 x 7 squares of 2.5 cm."""
+    """Return the command to calibrate a camera with a chessboard of 9 x 7 squares of 2.5 cm."""
     look = evidence.of(camera, of)
     topic = published_topics.image_of(look.topic) if look else "TOPIC"
     board, space = "--size 8x6 --square 0.025", topic.rpartition("/")[0] or "/"
@@ -106,18 +106,18 @@ def _without_calibration(camera: str, of: Stream, stream: Stream, evidence: Evid
             Stage.CAMERAS,
             subject,
             f"no camera info came from {look.topic}",
-            "a driver sends one with every image: restart it if it does not, or correct what it sends",
+            "restart the driver or correct its camera info: one should come with every image",
         )
     return note(
         Stage.CAMERAS,
         subject,
-        "no camera info: what a pixel of depth means in space is unknown",
+        "no camera info: depth pixels cannot be projected into space",
         advice.calibration_of(camera, of, stream, evidence),
     )
 
 
 def sent_pixels(info: CameraInfo) -> tuple[int, int]:
-    """Return width and height of the picture that the camera sends, after its region and its binning."""
+    """Return width and height of the camera's images in pixels, after region of interest and binning."""
     width, height = (
         (info.roi.width, info.roi.height) if info.roi.width and info.roi.height else (info.width, info.height)
     )

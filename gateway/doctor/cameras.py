@@ -1,4 +1,4 @@
-"""Colour and depth of one camera: whether a pixel of one is a pixel of the other. Pure.
+"""Checks whether colour and depth of a camera are aligned pixel by pixel. Pure.
 
 Judged by sizes, frames, calibrations and stamps, and by what the pixels show where that is clear.
 """
@@ -21,11 +21,11 @@ from schemas.keys import TF, Stream, StreamKey
 SAME_K: Final = 1e-3
 """Focal lengths and centres, in pixels, that differ by less are equal."""
 SAME_INSTANT_NS: Final = 20_000_000
-"""Images stamped further apart may show a moving robot two views."""
+"""Largest difference of stamps of images that show the same view from a moving robot."""
 
 
 def check_cameras(evidence: Evidence) -> Iterator[Finding]:
-    """Say of every camera what its calibration, and its depth, are good for."""
+    """Check the calibration and the depth of every camera."""
     if evidence.master.graph is None:
         return
     keys = [each.key for each in evidence.streams if isinstance(each.key, StreamKey)]
@@ -85,7 +85,7 @@ def _aligned(camera: str, evidence: Evidence, *, known: bool, seen: bool) -> Fin
 
 
 def _placed(camera: str, evidence: Evidence) -> Placement | None:
-    """Return how depth lies on colour, by two images of one instant."""
+    """Return the placement of depth on colour, from two images of one instant."""
     looks = [evidence.of(camera, stream) for stream in (Stream.COLOR, Stream.DEPTH)]
     colors, depths = (_images(look) for look in looks)
     pairs = [(color, depth) for color in colors for depth in depths]
@@ -104,7 +104,7 @@ def _where(seen: Placement) -> str:
 
 
 def _apart(color: ImageFrame, depth: ImageFrame) -> str:
-    """Return how the images themselves differ, or nothing."""
+    """Return how the images differ, or an empty string."""
     if pixels(color) != pixels(depth):
         return f"colour has {by(pixels(color))} pixels, depth {by(pixels(depth))}"
     if color.header.frame_id != depth.header.frame_id:
@@ -113,7 +113,7 @@ def _apart(color: ImageFrame, depth: ImageFrame) -> str:
 
 
 def _infos_differ(info: CameraInfo, depth_info: CameraInfo) -> str:
-    """Return in what the calibrations differ, or nothing."""
+    """Return how the calibrations differ, or an empty string."""
     if sent_pixels(info) != sent_pixels(depth_info):
         return f"camera infos of {by(sent_pixels(info))} and {by(sent_pixels(depth_info))} pixels"
     if any(abs(ours - theirs) > SAME_K for ours, theirs in zip(info.k, depth_info.k, strict=True)):
@@ -124,13 +124,13 @@ def _infos_differ(info: CameraInfo, depth_info: CameraInfo) -> str:
 
 
 def _unregistered(camera: str, what: str, frames: tuple[str, str], evidence: Evidence) -> Iterator[Finding]:
-    """Depth has a view of its own: whoever measures with it has to turn it into colour's."""
+    """Report depth with a view of its own: workers have to transform it into colour's."""
     subject = f"{camera}/depth"
     if frames[0] == frames[1] or connected(links(evidence), *frames):
         yield note(
             Stage.CAMERAS,
             subject,
-            f"not registered to colour ({what}): whoever measures has to do it, by the calibrations and transforms",
+            f"not registered to colour ({what}): workers must do it, from the calibrations and transforms",
             "registering in the driver (align_depth, depth_registration) is exact and costs the robot less",
         )
     elif (moving := evidence.named(TF)) and moving.publishers:  # of which only the first messages are known

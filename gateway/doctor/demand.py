@@ -1,4 +1,4 @@
-"""Who wants a stream, and whether the running gateway gets it through. Pure."""
+"""Checks which streams are wanted, and whether the running gateway delivers them. Pure."""
 
 import re
 from collections.abc import Iterator
@@ -25,30 +25,30 @@ from schemas.status import (
 )
 
 _DROPS: Final = {
-    MALFORMED: "what its publishers send does not hold together: correct the driver; the gateway's log says what",
+    MALFORMED: "the publisher's messages are inconsistent: correct the driver; the gateway's log has the details",
     MISMATCH: "map the topic to a stream that carries its type, or to ros/NAME, which carries any",
     REPLACED_BEFORE_LINK: "the link is slower than the camera: a lower rate or size at the camera, or a better link",
     OVER_BUDGET: "the uplink budget is used up: raise it, or ask less of this stream (rate, size, compression)",
-    BEYOND_USE: "the consumers can use no more: more workers can",
-    THINNED: "that is what max_hz is for: raise it if more is needed",
+    BEYOND_USE: "the consumers cannot process more: start more workers",
+    THINNED: "max_hz limits the stream: raise it if more is needed",
     REPLACED_BEFORE_SHAPING: "this machine compresses slower than the camera sends: lower the rate or the size",
     TOO_LARGE: "a stream carries no more than 128 MiB at a time: scale it, or have the driver send less",
     UNSHAPED: "this stream's scaling or compression does not suit its images: change it",
-    ENDED: "they were on their way when who wanted them or who sent them left; that is how it should be",
-    UNWANTED: "they came in the two seconds in which the topic stays subscribed; that is how it should be",
+    ENDED: "they were in transit when the subscriber or the publisher left; this is normal",
+    UNWANTED: "they came in the two seconds for which the topic stays subscribed; this is normal",
 }
 _LINKS: Final = {
     LinkFailure.UNREACHABLE: "a publisher cannot be reached from the gateway: see the sensors above",
     LinkFailure.REFUSED: "a publisher refuses: restart it",
     LinkFailure.MISMATCH: "publishers of one topic have different types",
     LinkFailure.TOO_LARGE: "a publisher's messages are over --max-message-mib: raise it, or have it send smaller ones",
-    LinkFailure.PROTOCOL: "something answers that is no ROS node: restart the publisher",
-    LinkFailure.CLOSED: "a publisher ends its connections: it was restarted, or its network breaks",
+    LinkFailure.PROTOCOL: "something that is not a ROS node answers: restart the publisher",
+    LinkFailure.CLOSED: "a publisher closes its connections: it was restarted, or its network is unreliable",
 }
 
 
 def check_demand(evidence: Evidence) -> Iterator[Finding]:
-    """Say of every stream whether it is wanted, and what becomes of it then."""
+    """Report for every stream whether it is wanted, and whether it is delivered then."""
     account = max(evidence.bus.accounts, key=lambda each: each.count, default=None)
     if account is None:
         return
@@ -56,27 +56,27 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
         now = _status_of(account.last.streams, stream.name)
         before = _status_of(account.first.streams, stream.name)
         if now is None and _has_no_picture(stream):
-            continue  # its sensor's finding says why the gateway does not offer it
+            continue  # the finding on its sensor says why the gateway does not offer it
         if now is None:
             yield problem(
                 Stage.DEMAND,
                 stream.name,
                 "the running gateway does not offer this stream",
-                "it was started with other options: restart it with those given here, or give the doctor its options",
+                "it was started with other options: restart it with the doctor's, or give the doctor the gateway's",
             )
         elif now.topic != stream.topic:
             yield problem(
                 Stage.DEMAND,
                 stream.name,
                 f"the running gateway takes it from {now.topic}, not from {stream.topic}",
-                "it was started with other options: restart it with those given here, or give the doctor its options",
+                "it was started with other options: restart it with the doctor's, or give the doctor the gateway's",
             )
         else:
             yield from _check_stream(stream, account, before or now, now)
 
 
 def check_recorders(evidence: Evidence) -> Iterator[Finding]:
-    """Say of the ROS nodes that subscribe to all of a gateway's results that they make all of them wanted."""
+    """Report ROS nodes that subscribe to all of a gateway's results and so request all of them."""
     graph = evidence.master.graph
     if graph is None:
         return
@@ -95,7 +95,7 @@ def check_recorders(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _has_no_picture(stream: StreamLook) -> bool:
-    """Whether a stream would be the colours of clouds that have none or are not organised, or of which none came."""
+    """Return whether a stream needs images from clouds that lack colours or organisation, or did not come."""
     colours = stream.special == kind_of(stream.key, of_points=True)
     return colours and (bool(stream.heard.unreadable) or not stream.heard.arrivals_s)
 
@@ -109,7 +109,7 @@ def _check_stream(
 ) -> Iterator[Finding]:
     came, went = now.received - before.received, now.forwarded - before.forwarded
     if not now.wanted:
-        yield fine(Stage.DEMAND, stream.name, "nobody subscribes, so it is not forwarded; that is how it should be")
+        yield fine(Stage.DEMAND, stream.name, "nobody subscribes, so it is not forwarded; this is normal")
     elif went > 0:
         rate = f" at {went / account.seconds:.1f} messages/s" if account.seconds > 0 else ""
         yield fine(Stage.DEMAND, stream.name, f"wanted, and flowing{rate}")

@@ -1,4 +1,4 @@
-"""Whether depth lies where colour does, by what both show: objects have edges in either. Pure, numpy alone.
+"""Estimates how depth lies on colour from the edges that objects have in both. Pure, numpy alone.
 
 The edges of depth are laid over those of colour in all sizes and places near; where one fits far better than any other,
 that is how depth lies. Many views are not so clear, and of those nothing is said.
@@ -18,31 +18,31 @@ from schemas.image import DEPTH_ENCODINGS, ImageFrame
 Floats = NDArray[np.float32]
 
 CELLS: Final = 160
-"""An image is looked at in about so many cells a row."""
+"""Approximate number of cells in a row of the grid on which images are compared."""
 MIN_CELLS: Final = 60
 REACH: Final = 24
-"""How many cells off depth is searched."""
+"""Largest searched displacement of depth, in cells."""
 SCALES: Final = tuple(1.04**step for step in range(-8, 9))
 NEAR: Final = (2, 5, 5)
-"""So many scales, and cells down and right, around the best place are no other place."""
+"""Neighbourhood of the best place that counts as the same place, in steps of scale, cells down and right."""
 CLEAR: Final = 1.4
-"""How many times better than any other place the best one has to be."""
+"""Factor by which the best place must beat any other place."""
 BETTER: Final = 1.2
-"""How many times better than lying there already, before depth is said to lie elsewhere."""
+"""Factor by which a place must beat the aligned one before depth counts as misaligned."""
 ABOVE_NOISE: Final = 6.0
 TOLERANCE: Final = (1, 3, 3)
-"""How many scales, and cells down and right, count as lying there: lenses a hand apart see near things elsewhere."""
+"""Tolerance that counts as aligned, in steps of scale, cells down and right: parallax shifts near objects."""
 GAP_CELLS: Final = 6
-"""Over how many cells without a reading two distances are compared."""
+"""Widest gap without readings across which two distances are compared, in cells."""
 STEP: Final = (0.05, 0.25)
-"""Neighbouring distances whose logarithms differ by less are one surface, by more surely two."""
+"""Below the first difference of log distances neighbours are one surface, above the second surely two."""
 
 _COLORS: Final = frozenset({"rgb8", "bgr8", "rgba8", "bgra8", "mono8"})
 
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """How depth has to be enlarged about its centre, and then moved, to lie on colour; right and down in pixels.
+    """Scale about the centre and shift, right and down in pixels, that bring depth onto colour.
 
     aligned: as good as not at all.
     """
@@ -54,7 +54,7 @@ class Placement:
 
 
 def placement(color: ImageFrame, depth: ImageFrame) -> Placement | None:
-    """Return how depth lies on colour, or None where that is not clear or the pixels cannot be read here."""
+    """Return how depth lies on colour, or None where that is unclear or the pixels cannot be read."""
     cell = max(1, color.width // CELLS)
     if not _readable(color, depth) or min(color.width, color.height) // cell < MIN_CELLS:
         return None
@@ -85,13 +85,13 @@ def _clear(fits: Floats, best: Sequence[int]) -> bool:
 
 
 def _elsewhere(fits: Floats, best: Sequence[int], home: Sequence[int]) -> bool:
-    """Return whether depth fits far better away from home; at the rim of what is searched it may fit better still."""
+    """Return whether depth fits far better elsewhere than aligned, even at the rim of the search range."""
     rim = any(at in {0, size - 1} for at, size in zip(best, fits.shape, strict=True))
     return not rim and float(fits[tuple(best)]) > BETTER * float(fits[_around(home, TOLERANCE)].max())
 
 
 def _fits(color: Sequence[Floats], depth: Sequence[Floats]) -> Floats:
-    """Return how well depth's edges fit colour's, by scale, down and right: 1 would be all of them."""
+    """Return the fraction of depth's edges that fit colour's, by scale, down and right."""
     height, width = color[0].shape
     room = (height + 2 * REACH, width + 2 * REACH)
     sharp = [edges - _blurred(edges, 6) for edges in color]
@@ -112,7 +112,7 @@ def _fits(color: Sequence[Floats], depth: Sequence[Floats]) -> Floats:
 
 
 def _scaled(edges: Floats, scale: float) -> tuple[Floats, Floats]:
-    """Return the edges enlarged about their centre, and where they have any."""
+    """Return the edges scaled about their centre, and the mask of where they are known."""
     height, width = edges.shape
     rows, columns = (np.rint((np.arange(n) - (n - 1) / 2) / scale + (n - 1) / 2).astype(int) for n in (height, width))
     inside = ((rows >= 0) & (rows < height))[:, None] & ((columns >= 0) & (columns < width))
@@ -130,14 +130,14 @@ def _blurred(values: Floats, radius: int) -> Floats:
 
 
 def _cells(pixels: Floats, cell: int) -> Floats:
-    """Return the pixels of each cell in an axis of their own."""
+    """Return the image with the pixels of each cell on an axis of their own."""
     height, width = (size // cell for size in pixels.shape)
     cut = pixels[: height * cell, : width * cell].reshape(height, cell, width, cell)
     return cut.swapaxes(1, 2).reshape(height, width, cell * cell)
 
 
 def _color_edges(color: ImageFrame, cell: int) -> tuple[Floats, Floats]:
-    """Return how much the brightness changes across and down, 1 being much in this image."""
+    """Return the brightness gradient across and down, where 1 is a strong one for this image."""
     grey = np.sqrt(_cells(pixels_of(color)[..., :3].mean(2, dtype=np.float32), cell).mean(2))
     down, across = np.gradient(grey)
     much = float(np.percentile(np.hypot(across, down), 95)) + 1e-6
@@ -145,7 +145,7 @@ def _color_edges(color: ImageFrame, cell: int) -> tuple[Floats, Floats]:
 
 
 def _depth_edges(depth: ImageFrame, cell: int) -> tuple[Floats, Floats]:
-    """Return where one surface ends before another, across and down: 1 is surely, 0 not."""
+    """Return the depth edges across and down, from 0 for none to 1 for certain."""
     metres = pixels_of(depth)[..., 0].astype(np.float32)
     distances = _cells(np.where(np.isfinite(metres) & (metres > 0), metres, 0), cell)
     readings = (distances > 0).sum(2)
@@ -154,7 +154,7 @@ def _depth_edges(depth: ImageFrame, cell: int) -> tuple[Floats, Floats]:
 
 
 def _jumps(logs: Floats, known: NDArray[np.bool_]) -> Floats:
-    """Return how much the nearest known values before and after each cell of a row differ."""
+    """Return the difference of the nearest known values before and after each cell of a row."""
     places, last = np.arange(logs.shape[1]), logs.shape[1] - 1
     upto = np.maximum.accumulate(np.where(known, places, -1), 1)
     beyond = last - np.maximum.accumulate(np.where(known[:, ::-1], places, -1), 1)[:, ::-1]

@@ -1,4 +1,4 @@
-"""What was seen, as the checks are told it. Pure."""
+"""Evidence that the checks judge. Pure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from schemas.status import GatewayStatus
 
 
 class Failure(Enum):
-    """Why a program could not be talked to."""
+    """Reason why a program could not be reached or understood."""
 
     UNRESOLVED = "its host name does not resolve here"
     DEAD = "nothing listens there"
@@ -41,7 +41,7 @@ class Trouble:
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """What the master knows: node names by topic, and types by topic."""
+    """The master's lists: node names by topic, and types by topic."""
 
     publishers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     subscribers: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -65,7 +65,7 @@ class MasterLook:
 
 @dataclass(frozen=True, slots=True)
 class HostLook:
-    """What other nodes are told to connect to. addresses: empty when it does not resolve. ours: can be listened at."""
+    """The host that other nodes connect to. addresses: empty if it does not resolve. ours: can be listened at."""
 
     host: str
     addresses: tuple[str, ...] = ()
@@ -101,7 +101,7 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class PublisherLook:
-    """One publisher of a topic. type: what it said, once connected."""
+    """One publisher of a topic. type: from its header, once connected."""
 
     node: str
     trouble: Trouble | None = None
@@ -125,7 +125,7 @@ class StreamLook:
 
     @property
     def kind(self) -> StreamKind:
-        """What the stream carries."""
+        """The kind of the stream."""
         return self.special or kind_of(self.key)
 
     @property
@@ -139,7 +139,7 @@ class StreamLook:
 
     @property
     def heard(self) -> Heard:
-        """What the first publisher sent that sent anything."""
+        """The messages of the first publisher that sent any."""
         return next((each.heard for each in self.publishers if each.heard.arrivals_s), Heard())
 
 
@@ -153,7 +153,7 @@ class Router:
 
 @dataclass(frozen=True, slots=True)
 class GatewayReport:
-    """What one gateway process said of itself: first and last while it was listened to, and how often.
+    """Statuses of one gateway process: the first and last received, and their number.
 
     skew_s: how far its clock is ahead of this machine's. since_s, until_s: when the two arrived, on a steady clock.
     """
@@ -170,13 +170,13 @@ class GatewayReport:
         return (self.last.sent_ns - self.first.sent_ns) / 1e9
 
     def overlaps(self, other: "GatewayReport") -> bool:
-        """Return whether both spoke at the same time, rather than one after the other was restarted."""
+        """Return whether both were running at the same time, rather than one after a restart of the other."""
         return self.since_s < other.until_s and other.since_s < self.until_s
 
 
 @dataclass(frozen=True, slots=True)
 class BusLook:
-    """The bus. robots: those whose gateway is present. accounts: of the gateways of this robot's name.
+    """The state of the bus. robots: those with a gateway present. accounts: statuses of this robot's gateways.
 
     at_home_only: those were found where the gateway listens, and not among those that it connects to.
     """
@@ -189,7 +189,7 @@ class BusLook:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """All that was seen.
+    """All evidence of one visit.
 
     beside: topics that no stream is made of but that tell about the others. left_out: why, by topic, of those of a type
     that sensors have. unused: options that are for none of the streams. discover: whether streams are found besides
@@ -212,17 +212,17 @@ class Evidence:
     passive: str = ""
 
     def of(self, camera: str, stream: Stream) -> StreamLook | None:
-        """Return what was seen of a camera's stream; one that is mapped comes first."""
+        """Return the look at a camera's stream; a mapped one is preferred."""
         for each in (*self.streams, *self.beside):
             if isinstance(each.key, StreamKey) and (each.key.camera.camera, each.key.stream) == (camera, stream):
                 return each
         return None
 
     def is_mapped(self, camera: str, stream: Stream) -> bool:
-        """Return whether a camera's stream is forwarded, rather than looked at for what it tells of others."""
+        """Return whether a camera's stream is forwarded, not only examined for the sake of others."""
         found = self.of(camera, stream)
         return found is not None and found in self.streams
 
     def named(self, name: str) -> StreamLook | None:
-        """Return what was seen of a stream by its name; one that is mapped comes first."""
+        """Return the look at a stream by its name; a mapped one is preferred."""
         return next((each for each in (*self.streams, *self.beside) if each.name == name), None)

@@ -1,11 +1,11 @@
-"""What the doctor says. Pure."""
+"""Findings of the doctor. Pure."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 
 class Severity(StrEnum):
-    """How bad it is; a problem keeps data from flowing, or makes it wrong."""
+    """Severity of a finding; a problem stops data or makes it wrong."""
 
     OK = "ok"
     NOTE = "note"
@@ -13,7 +13,7 @@ class Severity(StrEnum):
 
 
 class Stage(StrEnum):
-    """Where on the way of the data, in that order."""
+    """Stage of the data path, in order."""
 
     MASTER = "ROS master"
     HOST = "this machine"
@@ -25,7 +25,7 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing found. subject: what it is about, such as a stream or an address. advice: what to do, or empty."""
+    """One finding. subject: a stream or an address, for instance. advice: the remedy, or empty."""
 
     severity: Severity
     stage: Stage

@@ -1,4 +1,4 @@
-"""Looks at the bus: routers, presence and what gateways say of themselves; no stream is subscribed to."""
+"""Examines the bus: routers, presence and gateways' statuses. It subscribes to no stream."""
 
 import asyncio
 import time
@@ -28,7 +28,7 @@ Join = Callable[[BusSettings], AbstractAsyncContextManager[Bus]]
 async def look_at_bus(
     settings: GatewaySettings, *, seconds: float, patience_s: float, join: Join = open_bus
 ) -> BusLook:
-    """Look at the bus for so many seconds; joining it may take twice the patience.
+    """Observe the bus for some seconds; joining it may take twice `patience_s`.
 
     Without a robot's name the whole fleet is looked at. A gateway that is a router connected to others is looked for
     among those, and at home.
@@ -46,7 +46,7 @@ async def look_at_bus(
 
 
 def _has(look: BusLook, robot: str) -> bool:
-    """Return whether the robot was seen, or without a name any."""
+    """Return whether the robot, or with an empty name any robot, is present."""
     return bool(look.accounts) or (robot in look.robots if robot else bool(look.robots))
 
 
@@ -68,12 +68,12 @@ async def _look(robot: str, joining: BusSettings, *, seconds: float, patience_s:
 
 
 def _unlinked(router: Router) -> Trouble:
-    """Return what is known of an endpoint to which there is no link, although nothing else speaks against one."""
+    """Return the router's state for an endpoint that has no link for no other known reason."""
     return Trouble(Failure.FOREIGN if can_be_tried(router.endpoint) else Failure.SILENT, "", 0)
 
 
 async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
-    """Return who is present on the bus, and what the robot's gateways, or all, say of themselves meanwhile."""
+    """Return the robots present on the bus, and the statuses of the robot's gateways, or of all."""
     robots: set[str] = set()
     accounts: dict[str, GatewayReport] = {}
     with suppress(TimeoutError):
@@ -83,7 +83,7 @@ async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
 
 
 def beside_the_gateway(settings: GatewaySettings) -> list[BusSettings]:
-    """Return how to join the gateway's bus: where it listens is taken, but can be connected to.
+    """Return bus settings that connect to the gateway's listen endpoints, since those are in use.
 
     Who listens everywhere does so at 127.0.0.1 too, which certificates can name: Zenoh (1.10) finds no [::1] in them.
     A client uses the first endpoint that answers: what a router connects to and where it listens are two ways to join.
@@ -91,7 +91,7 @@ def beside_the_gateway(settings: GatewaySettings) -> list[BusSettings]:
     own = [
         endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "127.0.0.1")  # noqa: S104
         for endpoint in settings.listen
-        if port_of(endpoint) != "0"  # the system took one
+        if port_of(endpoint) != "0"  # the system chose the port
     ]
     ways = [settings.connect, own] if settings.mode == "router" else [[*settings.connect, *own]]
     return [

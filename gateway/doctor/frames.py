@@ -1,4 +1,4 @@
-"""Frames of reference: which hang together, and whether a camera's is among them. Pure."""
+"""Checks that coordinate frames are connected, and cameras' frames among them. Pure."""
 
 import difflib
 from collections.abc import Iterable, Iterator
@@ -12,16 +12,16 @@ from schemas.points import PointCloud
 from schemas.transforms import Transforms
 
 BASES: Final = ("base_link", "base_footprint")
-"""The usual names of a robot's own frame."""
+"""Usual names of a robot's base frame."""
 
 _SEEN: Final = (Stream.COLOR, Stream.DEPTH, Stream.POINTS)
 _MEASURED: Final = frozenset({Stream.DEPTH, Stream.POINTS})
 _PLACED: Final = _MEASURED | {Stream.INFO}
-"""Objects of a camera with one of these have a place, if something on the robot measures how far away they are."""
+"""Streams that give a camera's objects a position, if the robot measures distances."""
 
 
 def links(evidence: Evidence) -> Iterator[tuple[str, str]]:
-    """Yield the frames of parent and child of every transform that was heard."""
+    """Yield parent and child frame of every transform received."""
     looks = [look for name in (TF, TF_STATIC) if (look := evidence.named(name))]
     for message in (message for look in looks for each in look.publishers for message in each.heard.messages):
         if isinstance(message, Transforms):
@@ -29,7 +29,7 @@ def links(evidence: Evidence) -> Iterator[tuple[str, str]]:
 
 
 def connected(links: Iterable[tuple[str, str]], one: str, other: str) -> bool:
-    """Return whether transforms lead from one frame to the other, each link being two frames' names.
+    """Return whether links, each a pair of frame names, connect one frame with the other.
 
     Older drivers write a slash before a frame's name; it means nothing.
     """
@@ -46,12 +46,12 @@ def connected(links: Iterable[tuple[str, str]], one: str, other: str) -> bool:
 
 
 def bare(frame: str) -> str:
-    """Return a frame's name without the slash that older drivers write before it."""
+    """Return a frame's name without the leading slash of older drivers."""
     return frame.removeprefix("/")
 
 
 def check_frames(evidence: Evidence) -> Iterator[Finding]:
-    """Say of every camera whose objects have a place whether transforms tell where the camera is."""
+    """Check for every camera that locates objects whether transforms connect it to the robot."""
     if evidence.master.graph is None:
         return
     keys = [each.key for each in evidence.streams if isinstance(each.key, StreamKey)]
@@ -75,7 +75,7 @@ def check_frames(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _frames_of(camera: str, evidence: Evidence) -> list[str]:
-    """Return the frames that a camera's images and points are in."""
+    """Return the frames of a camera's images and points."""
     looks = [look for stream in _SEEN if (look := evidence.of(camera, stream))]
     messages = (message for look in looks for each in look.publishers for message in each.heard.messages)
     frames = (bare(each.header.frame_id) for each in messages if isinstance(each, ImageFrame | PointCloud))
@@ -109,7 +109,7 @@ def _check_frame(camera: str, frame: str, known: set[tuple[str, str]], evidence:
 
 
 def _root(frame: str, known: set[tuple[str, str]]) -> str:
-    """Return the frame above which there is none."""
+    """Return the root frame of a frame's tree."""
     parents = {child: parent for parent, child in known}
     seen = {frame}
     while (parent := parents.get(frame)) is not None and parent not in seen:

@@ -1,4 +1,4 @@
-"""The ROS master, and what it and other nodes are told about this machine. Pure."""
+"""Checks the ROS master, and this machine's address as other nodes see it. Pure."""
 
 import ipaddress
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ _LOGS: Final = frozenset({"/rosout", "/rosout_agg"})
 
 
 def check_master(look: MasterLook) -> Iterator[Finding]:
-    """Say whether the master answers, or why not."""
+    """Report whether the master answers, or why not."""
     if look.trouble is not None:
         what, advice = _master_trouble(look.trouble)
         yield problem(Stage.MASTER, look.uri, what, advice)
@@ -23,12 +23,12 @@ def check_master(look: MasterLook) -> Iterator[Finding]:
             Stage.MASTER,
             look.uri,
             "answers, but no sensor publishes anything at it",
-            "start the drivers; if they run, is theirs another master? See ROS_MASTER_URI where they were started",
+            "start the drivers; if they run, check ROS_MASTER_URI where they were started: it may be another master",
         )
 
 
 def _topics(graph: Graph) -> list[str]:
-    """Return what is published besides ROS's own log and the results of gateways."""
+    """Return the published topics except ROS's log and gateways' results."""
     return [topic for topic in graph.publishers if topic not in _LOGS and not is_result(topic)]
 
 
@@ -57,7 +57,7 @@ def _master_trouble(trouble: Trouble) -> tuple[str, str]:
 
 
 def check_host(look: HostLook, *, remote_master: bool) -> Iterator[Finding]:
-    """Say whether other nodes can connect to what they are told."""
+    """Check that other nodes can connect to the host they are told."""
     if not look.addresses:
         yield problem(
             Stage.HOST,
@@ -67,7 +67,7 @@ def check_host(look: HostLook, *, remote_master: bool) -> Iterator[Finding]:
             "on every machine",
         )
     elif any(ipaddress.ip_address(address).is_unspecified for address in look.addresses):
-        yield problem(Stage.HOST, look.host, "is no address that others can connect to", "set ROS_IP to a real one")
+        yield problem(Stage.HOST, look.host, "is not an address that others can connect to", "set ROS_IP to a real one")
     elif remote_master and all(ipaddress.ip_address(address).is_loopback for address in look.addresses):
         yield from _loopback(look.host)
     elif not look.ours:
@@ -82,7 +82,7 @@ def check_host(look: HostLook, *, remote_master: bool) -> Iterator[Finding]:
 
 
 def _loopback(host: str) -> Iterator[Finding]:
-    """Judge a host that is this machine's own loopback while the master is elsewhere."""
+    """Report a host that is the loopback of this machine while the master runs on another."""
     advice = "set ROS_IP (or --ros-host) to this machine's address in the robot's network"
     if host == "localhost" or host.replace(".", "").isdigit() or ":" in host:
         what = "the ROS master is on another machine, whose nodes cannot connect back to this loopback address"

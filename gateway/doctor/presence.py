@@ -1,4 +1,4 @@
-"""The bus: routers, the robot's gateway, and what it says of itself. Pure."""
+"""Checks the bus: routers, the robot's gateway and its status. Pure."""
 
 import difflib
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ SKEW_S: Final = 1.0
 
 
 def check_presence(evidence: Evidence) -> Iterator[Finding]:
-    """Say whether the robot's gateway is on the bus, and alone under its name."""
+    """Check that the robot's gateway is on the bus, and the only one of its name."""
     bus, robot = evidence.bus, evidence.robot
     yield from _check_routers(bus)
     if _cut_off(bus):
@@ -26,8 +26,8 @@ def check_presence(evidence: Evidence) -> Iterator[Finding]:
         yield problem(
             Stage.GATEWAY,
             robot,
-            "its gateway runs here, but has no link to what it connects to: nobody elsewhere sees the robot",
-            "see what is said of those endpoints; where nothing is, do its --connect and the doctor's name the same?",
+            "its gateway runs here, but has no link to its --connect endpoints: nobody elsewhere sees the robot",
+            "see the findings on those endpoints; if there are none, check that its --connect and the doctor's agree",
         )
     yield from _check_gateways(robot, bus.accounts, evidence.seconds)
     for account in bus.accounts:
@@ -35,7 +35,7 @@ def check_presence(evidence: Evidence) -> Iterator[Finding]:
 
 
 def check_fleet(bus: BusLook, seconds: float) -> Iterator[Finding]:
-    """Say which robots are on the bus, and how the gateway of each one is; seconds: how long it was listened to."""
+    """Report the robots on the bus and the state of their gateways. seconds: listening time."""
     yield from _check_routers(bus)
     if _cut_off(bus):
         return
@@ -66,25 +66,25 @@ def _offered(account: GatewayReport) -> str:
 
 
 def _check_gateways(robot: str, accounts: Sequence[GatewayReport], seconds: float) -> Iterator[Finding]:
-    """Say whether a robot has one gateway that speaks."""
+    """Check that a robot has exactly one gateway that sends a status."""
     if any(one.overlaps(other) for one, other in combinations(accounts, 2)):
         yield problem(
             Stage.GATEWAY,
             robot,
             "more than one gateway runs under this name: their frames get mixed up",
-            "give each robot's gateway its own --robot, or end the one that is too many",
+            "give each robot's gateway its own --robot, or stop the extra one",
         )
     if not accounts:
         yield problem(
             Stage.GATEWAY,
             robot,
-            f"its gateway is present but said nothing of itself in {seconds:g} s",
+            f"its gateway is present but sent no status in {seconds:g} s",
             "restart the gateway; if the network has access rules, they must let fleet/*/status through",
         )
 
 
 def _check_account(robot: str, account: GatewayReport, well: str) -> Iterator[Finding]:
-    """Say how a gateway is; well: what it does if all is well."""
+    """Report a gateway's state. well: its description if all is well."""
     if account.last.waiting_for:
         yield problem(
             Stage.GATEWAY,
@@ -113,7 +113,7 @@ def _check_routers(bus: BusLook) -> Iterator[Finding]:
 
 
 def _cut_off(bus: BusLook) -> bool:
-    """Return whether no endpoint answers and nobody was found without one."""
+    """Return whether no endpoint answers and scouting found no gateway."""
     return bool(bus.routers) and all(router.trouble for router in bus.routers) and not (bus.robots or bus.accounts)
 
 
@@ -143,7 +143,7 @@ def _router_trouble(endpoint: str, trouble: Trouble) -> tuple[str, str]:
         case Failure.FOREIGN:
             return (
                 "something listens there, but does not answer as a Zenoh router does",
-                "correct the port in --connect, usually 7447; one that wants certificates is at tls/; or does it hang?",
+                "correct the port in --connect (usually 7447), use tls/ if it has certificates, or restart it if hung",
             )
         case _:
             return "no answer from the router's machine", "is it on, in this network, and not behind a firewall?"

@@ -1,4 +1,4 @@
-"""The doctor's process: look, judge, tell."""
+"""The doctor's process: examine, diagnose, report."""
 
 import asyncio
 import logging
@@ -23,12 +23,12 @@ UNWELL: Final = 1
 
 
 async def run(settings: DoctorSettings) -> int:
-    """Print what is wrong.
+    """Print the findings.
 
     Returns:
         The exit code: 0 when all is well.
     """
-    with _quiet("bus", "gateway.ros1"):  # what they would say is in the report
+    with _quiet("bus", "gateway.ros1"):  # the report has what they would log
         findings = diagnose(await examine(settings)) if settings.robot else await survey(settings)
     width = min(shutil.get_terminal_size().columns, MAX_WIDTH)
     sys.stdout.write((as_json(findings) if settings.as_json else as_text(findings, width)) + "\n")
@@ -49,13 +49,13 @@ def _quiet(*packages: str) -> Iterator[None]:
 
 
 async def survey(settings: DoctorSettings) -> list[Finding]:
-    """Look at the whole fleet's gateways for as long as the settings say."""
+    """Examine all gateways of the fleet for the time in the settings."""
     bus = await look_at_bus(settings, seconds=settings.seconds, patience_s=settings.patience_s)
     return list(check_fleet(bus, settings.seconds))
 
 
 async def examine(settings: DoctorSettings) -> Evidence:
-    """Look at everything at the same time, for as long as the settings say."""
+    """Examine master, topics and bus at once, for the time in the settings."""
     async with asyncio.TaskGroup() as group:
         host = group.create_task(look_at_host(settings.ros_host, settings.patience_s))
         bus = group.create_task(look_at_bus(settings, seconds=settings.seconds, patience_s=settings.patience_s))
@@ -64,7 +64,7 @@ async def examine(settings: DoctorSettings) -> Evidence:
 
 
 async def _visit(settings: DoctorSettings) -> Evidence:
-    """Look at the master, then at the topics of the streams and at those that tell about them."""
+    """Examine the master, then the streams' topics and those related to them."""
     async with PoliteClient(timeout=settings.patience_s) as client:
         visit = RobotVisit(
             client,

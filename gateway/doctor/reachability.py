@@ -1,4 +1,4 @@
-"""Whether something can be connected to, each step with a deadline."""
+"""Tests connections to hosts, each step with a deadline."""
 
 import asyncio
 import socket
@@ -11,11 +11,11 @@ from gateway.ros1.resolver import Resolver
 
 MAX_ADDRESSES: Final = 4
 _TCP: Final = ("tcp", "tls", "ws")
-"""Links of the bus whose listener can be connected to without speaking."""
+"""Bus protocols whose listener accepts a plain TCP connection."""
 
 
 async def resolve(host: str, patience_s: float) -> list[str]:
-    """Return a host's addresses, or none when it has none or its name server keeps silent."""
+    """Return a host's addresses; none if it has none or its name server does not answer."""
     with suppress(OSError, UnicodeError):
         async with asyncio.timeout(patience_s):
             return (await Resolver().addresses(host.strip("[]")))[:MAX_ADDRESSES]
@@ -23,7 +23,7 @@ async def resolve(host: str, patience_s: float) -> list[str]:
 
 
 async def reach(host: str, port: int, patience_s: float) -> str | Trouble:
-    """Return the address of the host at which something accepts connections, or why there is none."""
+    """Return the host's address that accepts a connection, or the reason why none does."""
     addresses = await resolve(host, patience_s)
     if not addresses:
         return Trouble(Failure.UNRESOLVED, host, port)
@@ -53,7 +53,7 @@ async def _connect(address: str, port: int, patience_s: float) -> tuple[Failure,
 
 
 def is_ours(address: str) -> bool:
-    """Return whether something on this machine can listen at the address."""
+    """Return whether a process on this machine can listen at the address."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     try:
         with closing(socket.socket(family, socket.SOCK_DGRAM)) as probe:
@@ -64,18 +64,18 @@ def is_ours(address: str) -> bool:
 
 
 async def look_at_host(host: str, patience_s: float) -> HostLook:
-    """Look at what other nodes are told to connect to."""
+    """Examine the host that other nodes are told to connect to."""
     addresses = await resolve(host, patience_s)
     return HostLook(host, tuple(addresses), any(is_ours(address) for address in addresses))
 
 
 def can_be_tried(endpoint: str) -> bool:
-    """Return whether something at an endpoint of the bus accepts connections or not, as TCP's do."""
+    """Return whether a connection to an endpoint of the bus can be tested, as with TCP."""
     return endpoint.partition("/")[0] in _TCP
 
 
 async def look_at_router(endpoint: str, patience_s: float) -> Router:
-    """Look whether something accepts connections at an endpoint of the bus, if that can be tried."""
+    """Test whether an endpoint of the bus accepts connections, if its protocol allows."""
     host, _, port = endpoint.partition("/")[2].partition("?")[0].partition("#")[0].rpartition(":")
     if not can_be_tried(endpoint):
         return Router(endpoint)

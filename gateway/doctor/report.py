@@ -1,4 +1,4 @@
-"""The findings, for a person and for a program. Pure."""
+"""Reports the findings as text and as JSON. Pure."""
 
 import textwrap
 from collections.abc import Iterator, Sequence
@@ -20,12 +20,12 @@ from schemas.printing import printable
 
 
 def diagnose(evidence: Evidence) -> list[Finding]:
-    """Return everything there is to say, in the order of the data's way: master, publishers, gateway, demand."""
+    """Return all findings in the order of the data path: master, publishers, gateway, demand."""
     return list(_findings(evidence))
 
 
 def healthy(findings: Sequence[Finding]) -> bool:
-    """Return whether nothing keeps data from flowing or makes it wrong."""
+    """Return whether there is no problem among the findings."""
     return not any(finding.severity is Severity.PROBLEM for finding in findings)
 
 
@@ -45,7 +45,7 @@ _ADVICE: Final = "-> "
 
 
 def as_json(findings: Sequence[Finding]) -> str:
-    """Return one JSON object: whether all is well, and the findings."""
+    """Return the overall result and the findings as one JSON object."""
     report = {"ok": healthy(findings), "findings": [asdict(finding) for finding in findings]}
     return msgspec.json.format(msgspec.json.encode(report)).decode()
 

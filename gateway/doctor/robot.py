@@ -1,4 +1,4 @@
-"""Looks at the robot's ROS graph: the master, and every publisher of the topics that matter, side by side."""
+"""Examines the robot's ROS graph: the master, and all publishers of relevant topics at once."""
 
 import asyncio
 import time
@@ -45,7 +45,7 @@ class _Peer:
 
 
 class PoliteClient(XmlRpcClient):
-    """Asks each server one thing at a time, and none again that did not answer.
+    """XML-RPC client that calls each server once at a time, and none again that did not answer.
 
     Python's ROS nodes keep five callers waiting and drop the others, who then notice nothing for a second.
     """
@@ -68,13 +68,13 @@ class PoliteClient(XmlRpcClient):
 
 
 MAX_PUBLISHERS: Final = 16
-"""How many publishers of one topic are looked at."""
+"""Most publishers of one topic that are examined."""
 MAX_AT_ONCE: Final = 64
 _NO_HEADER: Final = "no connection header"
 
 
 class RobotVisit:
-    """One look at a robot's ROS graph, under a name of its own that is never registered.
+    """One examination of a robot's ROS graph, under a unique node name that is never registered.
 
     seconds: how long each publisher is listened to. patience_s: how long each step may take. max_message_bytes: longer
     messages are not read.
@@ -98,7 +98,7 @@ class RobotVisit:
         self._reaching: dict[tuple[str, int], asyncio.Future[str | Trouble]] = {}
 
     async def look_at_master(self, uri: str) -> MasterLook:
-        """Look at the master."""
+        """Examine the master."""
         host, port = _host_and_port(uri)
         address = await reach(host, port, self._patience_s)
         if isinstance(address, Trouble):
@@ -120,7 +120,7 @@ class RobotVisit:
         graph: Graph,
         carried: Callable[[SensorKey], StreamKind] = kind_of,
     ) -> tuple[StreamLook, ...]:
-        """Look at all publishers of all these topics. carried: tells what a stream carries.
+        """Examine all publishers of these topics. carried: returns the kind of a stream.
 
         Streams of one topic share its connections: a rospy node ends the older of two from one subscriber.
         """
@@ -132,7 +132,7 @@ class RobotVisit:
         return tuple(found[key] for key in streams)
 
     async def encodings(self, topics: Sequence[str], graph: Graph) -> dict[str, str]:
-        """Return the encodings of the pixels of images of which a first message comes in time."""
+        """Return the pixel encodings of the images whose first message comes in time."""
         found = await asyncio.gather(*(self._encoding(topic, graph) for topic in topics))
         return {topic: encoding for topic, encoding in zip(topics, found, strict=True) if encoding}
 
@@ -147,7 +147,7 @@ class RobotVisit:
         return ""
 
     async def _look_at_topic(self, topic: str, kinds: Mapping[SensorKey, StreamKind], graph: Graph) -> list[StreamLook]:
-        """Return what each of the streams that are made of the topic would get; kinds: what they carry."""
+        """Return the look at a topic for each stream made of it. kinds: the streams' kinds."""
         nodes = graph.publishers.get(topic, ())[:MAX_PUBLISHERS]
         enough = TRANSFORMS if any(key.name in ROBOT_STREAMS for key in kinds) else FEW
         seen = await asyncio.gather(*(self._look_at_publisher(topic, node, enough) for node in nodes))
@@ -166,7 +166,7 @@ class RobotVisit:
     async def _look_at_publisher(
         self, topic: str, node: str, enough: Enough
     ) -> tuple[PublisherLook, TopicProbe | None]:
-        """Return the publisher, and what was heard where it let us listen."""
+        """Return the look at a publisher, with its messages if it accepts the connection."""
         try:
             host, port = _host_and_port(await self._registered(node))
         except (Ros1Error, ValueError) as error:
@@ -189,7 +189,7 @@ class RobotVisit:
     async def _listen(
         self, topic: str, slave: tuple[str, int], enough: Enough
     ) -> tuple[TopicProbe, PublisherAccepted] | Trouble:
-        """Listen to a publisher until there are enough messages, or for as long as there is time."""
+        """Listen to a publisher until enough messages came or time is up."""
         address = await self._reached(*slave)
         if isinstance(address, Trouble):
             return address
@@ -198,7 +198,7 @@ class RobotVisit:
         found = await resolve(host, self._patience_s)
         if not found:
             return Trouble(Failure.UNRESOLVED, host, port)
-        target = address if address in found else found[0]  # a name such as localhost has several
+        target = address if address in found else found[0]  # a name such as localhost has several addresses addresses
         ear = TopicProbe(uri, enough)
         try:
             await listen(
@@ -215,14 +215,14 @@ class RobotVisit:
         return (ear, ear.publisher) if ear.publisher else Trouble(Failure.SILENT, host, port, _NO_HEADER)
 
     async def _reached(self, host: str, port: int) -> str | Trouble:
-        """Return where a node answers; it is tried once, however many topics it publishes."""
+        """Return the address at which a node answers; each node is tried once, however many topics it has."""
         if (host, port) not in self._reaching:
             self._reaching[host, port] = asyncio.ensure_future(reach(host, port, self._patience_s))
         return await self._reaching[host, port]
 
 
 def _host_and_port(uri: str) -> tuple[str, int]:
-    """Raise ValueError unless the URI has both."""
+    """Return host and port of a URI; raise ValueError unless it has both."""
     parts = urlsplit(uri)
     if parts.scheme != "http" or not parts.hostname or not parts.port:
         raise ValueError(f"registered under {uri[:80]!r}, which is no address")
@@ -247,18 +247,18 @@ NOTHING_HEARD: Final[Mapping[str, str]] = MappingProxyType({})
 
 
 def planned(settings: GatewaySettings, graph: Graph, encodings: Mapping[str, str] = NOTHING_HEARD) -> Plan:
-    """Return what a gateway with the settings would take, were it started now. encodings: of images, by topic."""
+    """Return the plan of a gateway started now with these settings. encodings: of images, by topic."""
     topics = topics_of(graph.publishers, graph.types)
     return plan([replace(each, encoding=encodings.get(each.name, "")) for each in topics], settings.wishes())
 
 
 def to_sample(settings: GatewaySettings, graph: Graph) -> list[str]:
-    """Return the topics of images of which the gateway looks at one message first."""
+    """Return the image topics that the gateway samples before planning."""
     return [topic.name for topic in unclear(topics_of(graph.publishers, graph.types), settings.wishes())]
 
 
 def undiscovered(settings: GatewaySettings, graph: Graph) -> list[str]:
-    """Return the topics that a gateway would take as well if it discovered streams beside those that are named."""
+    """Return the topics that discovery would add to the named ones."""
     if settings.discover:
         return []
     wishes = replace(settings.wishes(), discover=True)
@@ -267,14 +267,14 @@ def undiscovered(settings: GatewaySettings, graph: Graph) -> list[str]:
 
 
 def left_out(found: Plan, graph: Graph) -> Mapping[str, str]:
-    """Return why a topic of a type that sensors have is not taken, by its name."""
+    """Return by name why topics of sensors' types are not taken."""
     return {
         topic: why for topic, why in found.left_out.items() if graph.types.get(topic) in TYPES and why != OF_GATEWAYS
     }
 
 
 def beside(streams: Mapping[SensorKey, str], graph: Graph, *, sim_time: bool) -> Mapping[SensorKey, str]:
-    """Return further topics that tell about the streams: calibrations, transforms, the simulation's clock."""
+    """Return related topics: calibrations, transforms and the simulation's clock."""
     robot = next((owner_of(key)[0] for key in streams), "")
     found: dict[SensorKey, str] = dict(_calibrations(streams, graph))
     for name in (TF, TF_STATIC):

@@ -1,4 +1,4 @@
-"""Topics and their publishers, each seen as a subscriber would see it. Pure."""
+"""Checks topics and their publishers as a subscriber sees them. Pure."""
 
 import difflib
 from collections.abc import Iterator, Sequence
@@ -19,11 +19,11 @@ from schemas.keys import Stream, StreamKey
 
 CLOCK: Final = "ros/clock"
 LATE_S: Final = 2.0
-"""How old a message may be on arrival before its stamps are talked about."""
+"""Age on arrival above which a message's stamps are reported."""
 
 
 def check_stamps(subject: str, heard: Heard, evidence: Evidence) -> Iterator[Finding]:
-    """Say whether a publisher's stamps are those of now."""
+    """Check that a publisher's stamps are current."""
     if not heard.stamps_ns:
         return
     if not any(heard.stamps_ns):
@@ -55,12 +55,12 @@ def _check_against_clock(subject: str, heard: Heard, evidence: Evidence) -> Iter
     late_s = (now_ns - heard.stamps_ns[-1]) / 1e9
     if abs(late_s) > LATE_S + evidence.seconds:
         way = "behind" if late_s > 0 else "ahead of"
-        what = f"its stamps are {_span(late_s)} {way} /clock, which use_sim_time makes the time"
+        what = f"its stamps are {_span(late_s)} {way} /clock, the ROS time while use_sim_time is set"
         yield note(Stage.SENSORS, subject, what, "do the driver and the simulation or bag use the same clock?")
 
 
 def check_sim_clock(evidence: Evidence) -> Iterator[Finding]:
-    """Say whether the simulation's clock runs."""
+    """Check that the simulation's clock runs."""
     if sim_now_ns(evidence) is None:
         yield problem(
             Stage.SENSORS,
@@ -71,7 +71,7 @@ def check_sim_clock(evidence: Evidence) -> Iterator[Finding]:
 
 
 def sim_now_ns(evidence: Evidence) -> int | None:
-    """Return the last time that was heard on /clock."""
+    """Return the last time received on /clock, in nanoseconds."""
     clock = evidence.named(CLOCK)
     return clock.heard.stamps_ns[-1] if clock and clock.heard.stamps_ns else None
 
@@ -85,11 +85,11 @@ def _span(seconds: float) -> str:
 
 
 _START_RIGHT: Final = "start that node with ROS_IP set to its machine's address, and without ROS_HOSTNAME"
-"""For a node that tells everybody a wrong address, such as the loopback or one of another day."""
+"""Advice for a node that registers a wrong address, such as the loopback or an outdated one."""
 
 
 def check_sensors(evidence: Evidence) -> Iterator[Finding]:
-    """Say of every stream whether its topic could be forwarded."""
+    """Check for every stream that its topic can be forwarded."""
     graph = evidence.master.graph
     if graph is None:
         return
@@ -123,7 +123,7 @@ def _some(topics: Sequence[str]) -> str:
 
 
 def check_stream(stream: StreamLook, graph: Graph, evidence: Evidence) -> Iterator[Finding]:
-    """Say whether a stream's topic could be forwarded."""
+    """Check that a stream's topic can be forwarded."""
     if not stream.publishers:
         yield _unpublished(stream, graph)
     elif not _carries(stream, stream.type):
@@ -135,7 +135,7 @@ def check_stream(stream: StreamLook, graph: Graph, evidence: Evidence) -> Iterat
 
 
 def _unpublished(stream: StreamLook, graph: Graph) -> Finding:
-    """A topic is known to the master as soon as somebody, such as the gateway, subscribes to it."""
+    """Report a topic without publishers; the master also knows topics that only have subscribers."""
     what = "nobody publishes it" if stream.topic in graph.topics else "no such topic exists"
     fitting = [topic for topic in graph.publishers if _carries(stream, graph.types.get(topic, ANY))]
     close = difflib.get_close_matches(stream.topic, fitting, n=3, cutoff=0.5)
@@ -162,7 +162,7 @@ def _wrong_type(stream: StreamLook, type_name: str, evidence: Evidence) -> Findi
 def _check_publisher(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Iterator[Finding]:
     if publisher.trouble is not None:
         what, advice = _publisher_trouble(publisher, publisher.trouble)
-        say = note if stream.heard.arrivals_s else problem  # another publisher is enough
+        say = note if stream.heard.arrivals_s else problem  # one working publisher is enough
         yield say(Stage.SENSORS, stream.subject, what, advice)
     elif publisher.type is not None and not _carries(stream, publisher.type.name):
         yield _wrong_type(stream, publisher.type.name, evidence)
@@ -183,12 +183,12 @@ def _publisher_trouble(publisher: PublisherLook, trouble: Trouble) -> tuple[str,
     match trouble.failure:
         case Failure.UNRESOLVED:
             return (
-                f"{publisher.node} is to be reached at {trouble.host}, a name that does not resolve on this machine",
+                f"{publisher.node} is registered at {trouble.host}, a name that does not resolve on this machine",
                 f"add {trouble.host} to /etc/hosts here; or {_START_RIGHT}",
             )
         case Failure.DEAD:
             return (
-                f"{publisher.node} says it is at {trouble.where}, but nothing listens: it was killed, or that is wrong",
+                f"{publisher.node} is registered at {trouble.where}, but nothing listens: killed, or address wrong",
                 f"start it again (`rosnode cleanup` makes the master forget it); if it runs, {_START_RIGHT}",
             )
         case Failure.UNKNOWN:
@@ -216,7 +216,7 @@ def _advice_on_size(size: int) -> str:
 
 
 def _other_version(stream: StreamLook, found: TopicType) -> str:
-    """Return our md5sum of the type where it is not the publisher's and the stream's translator needs it."""
+    """Return our md5sum of the type if it differs from the publisher's and the translator needs it."""
     if ANY in stream.kind.translators:
         return ""
     try:
@@ -241,7 +241,7 @@ def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidenc
         yield problem(
             Stage.SENSORS,
             subject,
-            f"{publisher.node} sends what cannot be forwarded: {heard.unreadable}",
+            f"{publisher.node} sends messages that cannot be forwarded: {heard.unreadable}",
             f"correct the driver's settings, or forward it untranslated: {untranslated(stream, evidence)}",
         )
     else:
@@ -253,7 +253,7 @@ def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidenc
 def _nothing_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidence) -> Finding:
     what = f"{publisher.node} accepts subscribers but sent nothing in {evidence.seconds:g} s"
     if publisher.latching or not isinstance(stream.key, StreamKey):
-        return note(Stage.SENSORS, stream.subject, what, "fine if it only speaks when there is something to say")
+        return note(Stage.SENSORS, stream.subject, what, "fine if it publishes on events only")
     return problem(
         Stage.SENSORS,
         stream.subject,

@@ -1,4 +1,4 @@
-"""Settings of the doctor: the gateway's own, and how long it looks."""
+"""Settings of the doctor: the gateway's own, and time limits."""
 
 from typing import Annotated
 
@@ -24,15 +24,15 @@ class DoctorSettings(GatewaySettings):
     robot: Annotated[
         str,
         AfterValidator(_maybe_robot),
-        Field(description="the robot's name; without one, the fleet's robots and how their gateways are"),
+        Field(description="the robot to examine; without one, the state of all gateways of the fleet"),
     ] = ""
 
     model_config = ConfigDict(validate_by_name=True, validate_by_alias=True)
 
     seconds: Annotated[float, Field(ge=0.5, le=60, description="how long to listen to topics and to the gateway")] = 3.0
-    patience_s: Annotated[float, Field(ge=0.1, le=10, description="how long anything may take to answer")] = 1.5
+    patience_s: Annotated[float, Field(ge=0.1, le=10, description="how long to wait for any answer")] = 1.5
     as_json: Annotated[bool, Field(alias="json", description="print one JSON object instead of text")] = False
 
     def streams(self) -> dict[SensorKey, str]:
-        """Return the topic of every stream that is named here; without a robot there is none."""
+        """Return the topic of every named stream; none without a robot."""
         return super().streams() if self.robot else {}

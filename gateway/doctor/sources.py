@@ -1,4 +1,4 @@
-"""Several nodes that publish one topic: whether what they send is of one sensor. Pure."""
+"""Checks whether several publishers of one topic send data of the same sensor. Pure."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -13,11 +13,11 @@ from schemas.image import ImageFrame
 from schemas.keys import StreamKey
 from schemas.points import PointCloud
 
-_REMAP: Final = "end the node that is too many, or remap its topic: each sensor needs a topic of its own"
+_REMAP: Final = "stop the extra node, or remap its topic: each sensor needs a topic of its own"
 
 
 def check_sources(stream: StreamLook) -> Iterator[Finding]:
-    """Say of a camera's topic whether several sensors are mixed on it; others, such as tf, have many publishers."""
+    """Report a camera's topic with several sensors on it; others, such as tf, may have many publishers."""
     if not isinstance(stream.key, StreamKey):
         return
     heard = {each.node: each.heard.messages for each in stream.publishers if each.heard.messages}
@@ -28,7 +28,7 @@ def check_sources(stream: StreamLook) -> Iterator[Finding]:
     for told in (frames, shapes):
         if len({each for several in told.values() for each in several}) > 1:
             said = "; ".join(f"{node} sends {' and '.join(several)}" for node, several in told.items())
-            yield problem(Stage.SENSORS, stream.subject, f"it mixes what is not of one sensor: {said}", _REMAP)
+            yield problem(Stage.SENSORS, stream.subject, f"it mixes several sensors: {said}", _REMAP)
             return
     if len(heard) > 1:
         what = f"{' and '.join(heard)} all publish it: each frame may come several times"
@@ -41,7 +41,7 @@ def _frame(message: Message) -> str:
 
 
 def _shape(message: Message) -> str:
-    """Return what is the same in all that one sensor sends."""
+    """Return the properties that all messages of one sensor share."""
     if isinstance(message, ImageFrame):
         return f"{by(pixels(message))} pixels"
     if isinstance(message, CameraInfo):

@@ -1,4 +1,4 @@
-"""Listens to one publisher of one topic as a subscriber would, for a bounded time; the master is told nothing of it."""
+"""Listens to one publisher as a subscriber would, for a bounded time, without registering at the master."""
 
 import asyncio
 import struct
@@ -34,7 +34,7 @@ _SEQ_BYTES: Final = 4
 
 
 def stamp_offset(definition: str) -> int | None:
-    """Return where in a message of the defined type a time stands, or None when it does not begin with one."""
+    """Return the offset of the stamp in a message of the type, or None if it does not begin with one."""
     for line in definition.splitlines():
         words = line.partition("#")[0].split()
         if line.startswith("="):
@@ -48,7 +48,7 @@ def stamp_offset(definition: str) -> int | None:
 
 
 def stamp_at(data: bytes | bytearray | memoryview, offset: int) -> int | None:
-    """Return the time that stands there in nanoseconds, or None when the message is too short for one."""
+    """Return the stamp at an offset in nanoseconds, or None if the message is too short."""
     if len(data) < offset + _TIME.size:
         return None
     seconds, rest = _TIME.unpack_from(data, offset)
@@ -56,7 +56,7 @@ def stamp_at(data: bytes | bytearray | memoryview, offset: int) -> int | None:
 
 
 def translated(key: SensorKey, kind: StreamKind, message: Message, now_ns: int) -> codec.Message | str:
-    """Return what the gateway would send of a message on a stream of the kind, or why it could not."""
+    """Return the gateway's translation of a message for a stream of the kind, or why there is none."""
     said = message.publisher.type
     try:
         name = said.name if said.name in kind.translators else ANY_TYPE.name
@@ -80,12 +80,12 @@ def _header(key: SensorKey, now_ns: int) -> Header:
 MAX_MESSAGES: Final = 200
 KEPT: Final = 4
 KEPT_BYTES: Final = 32 << 20
-"""The first messages are kept so that those of two cameras can be matched, up to so many bytes; the first always is."""
+"""Bytes of first messages kept to match two streams; the first message is always kept."""
 
 
 @dataclass(frozen=True, slots=True)
 class Enough:
-    """How many messages of one publisher are listened to, and how many of the first ones are kept."""
+    """Numbers of messages of a publisher that are awaited, and of first ones that are kept."""
 
     heard: int
     kept: int
@@ -94,12 +94,12 @@ class Enough:
 ONE: Final = Enough(1, 1)
 FEW: Final = Enough(MAX_MESSAGES, KEPT)
 TRANSFORMS: Final = Enough(1_000, 1_000)
-"""Each message may have a frame that no other one has."""
+"""For transforms: each message may have other frames."""
 
 
 @dataclass(slots=True)
 class TopicProbe:
-    """Takes in what one connection brings."""
+    """Collects the messages of one connection."""
 
     uri: str
     enough: Enough = FEW
@@ -135,7 +135,7 @@ class TopicProbe:
             self.lags_ns.append(now_ns - stamp_ns)
 
     def heard(self, key: SensorKey, kind: StreamKind, now_ns: int) -> Heard:
-        """Return all of it, what was kept as the stream, which is of the kind, would carry it."""
+        """Return the collected evidence, with the kept messages translated for the kind."""
         found = [translated(key, kind, message, now_ns) for message in self.kept]
         return Heard(
             tuple(self.arrivals_s),
@@ -157,7 +157,7 @@ async def listen(
     patience_s: float,
     max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES,
 ) -> None:
-    """Listen for so many seconds after the publisher has accepted us, or until it ends the connection.
+    """Listen for some seconds after the publisher accepts the connection, or until it closes it.
 
     Raises:
         Ros1Error: there is no such connection, or the publisher does not speak TCPROS.

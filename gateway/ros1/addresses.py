@@ -1,4 +1,4 @@
-"""Addresses as a person writes them: a master's, and the one under which other nodes reach this machine."""
+"""Addresses in settings: the master's, and the one at which other nodes reach this machine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _URI = re.compile(r"(?P<scheme>[a-z]+)://(?P<host>[^:]+|\[.+\]):(?P<port>[0-9]{1
 
 
 def validate_master_uri(text: str) -> str:
-    """Return a master's address without a slash at its end.
+    """Return a valid master's address, without a trailing slash.
 
     Raises:
         InvalidNameError: it does not look like `http://robot:11311`.
@@ -22,12 +22,12 @@ def validate_master_uri(text: str) -> str:
     """
     if _host_and_port("http", text) is None:
         looks = "http://robot:11311 or http://[fd00::7]:11311"
-        raise InvalidNameError(f"{text!r} is no ROS master's address, which looks like {looks}")
+        raise InvalidNameError(f"{text!r} is not a ROS master's address; use one like {looks}")
     return text.rstrip("/")
 
 
 def parse_rosrpc(uri: str) -> tuple[str, int]:
-    """Return host and port of a service's URI, as masters give it.
+    """Return host and port of a service's rosrpc URI.
 
     Raises:
         InvalidNameError: it does not look like `rosrpc://robot:40001`.
@@ -35,12 +35,12 @@ def parse_rosrpc(uri: str) -> tuple[str, int]:
     """
     found = _host_and_port("rosrpc", uri)
     if found is None:
-        raise InvalidNameError(f"{uri[:80]!r} is no service's address, which looks like rosrpc://robot:40001")
+        raise InvalidNameError(f"{uri[:80]!r} is not a service's address; those look like rosrpc://robot:40001")
     return found
 
 
 def parse_offer(answer: Any) -> tuple[str, int]:
-    """Return the host and port at which a publisher speaks TCPROS, given what it answers to requestTopic.
+    """Return host and port of a publisher's TCPROS server from its answer to requestTopic.
 
     Raises:
         InvalidNameError: it offers nothing of the kind.
@@ -53,7 +53,7 @@ def parse_offer(answer: Any) -> tuple[str, int]:
 
 
 def validate_host(text: str) -> str:
-    """Return a host's name or address, without the brackets in which a URI has one of IPv6.
+    """Return a valid host name or address; an IPv6 address without brackets.
 
     Raises:
         InvalidNameError: it is neither.
@@ -61,7 +61,7 @@ def validate_host(text: str) -> str:
     """
     host = _host(text)
     if host is None:
-        raise InvalidNameError(f"{text!r} is neither a host's name nor an address")
+        raise InvalidNameError(f"{text!r} is neither a host name nor an address")
     return host
 
 
@@ -74,7 +74,7 @@ def _host_and_port(scheme: str, uri: str) -> tuple[str, int] | None:
 
 
 def _host(text: str) -> str | None:
-    """Return a host without brackets, which are IPv6's alone; None when it is none."""
+    """Return a host without the brackets of IPv6, or None if it is not valid."""
     if _NAME.fullmatch(text):
         return text
     address = text[1:-1] if text[:1] + text[-1:] == "[]" else text

@@ -1,4 +1,4 @@
-"""What can go wrong when speaking ROS 1.
+"""Errors of the ROS 1 protocol.
 
 Ros1Error
 ├── InvalidNameError        not a legal graph resource name
@@ -28,10 +28,10 @@ from __future__ import annotations
 from typing import Final
 
 ERROR: Final = -1
-"""ROS's status code of calls that were wrong: nothing was done."""
+"""ROS's status code of invalid calls: nothing was done."""
 
 FAILURE: Final = 0
-"""ROS's status code of calls that were right and came to nothing, or to half of it."""
+"""ROS's status code of valid calls that failed, perhaps half done."""
 
 
 class Ros1Error(Exception):
@@ -39,11 +39,11 @@ class Ros1Error(Exception):
 
 
 class InvalidNameError(Ros1Error, ValueError):
-    """Not a legal graph resource name, or no address."""
+    """Not a legal graph resource name or address."""
 
 
 class WireError(Ros1Error):
-    """Bytes that are not the protocol."""
+    """Bytes that violate the protocol."""
 
 
 class HeaderError(WireError):
@@ -55,7 +55,7 @@ class TcprosError(WireError):
 
 
 class TooLargeError(TcprosError):
-    """A message that is larger than its subscriber reads. size, limit: both in bytes."""
+    """A message over its subscriber's limit. size, limit: in bytes."""
 
     def __init__(self, size: int, limit: int) -> None:
         super().__init__(f"a message of {size:,} bytes, over the limit of {limit:,}")
@@ -64,7 +64,7 @@ class TooLargeError(TcprosError):
 
 
 class HttpError(WireError):
-    """HTTP that is malformed or over a limit, or that does not say what was asked for.
+    """HTTP that is malformed, over a limit or unexpected.
 
     status: what a server answers to it.
     """
@@ -87,7 +87,7 @@ class UnknownTypeError(MessageError):
 
 
 class UnknownMethodError(Ros1Error, LookupError):
-    """The master or slave API that was called here has no such method."""
+    """The API of this process has no such method."""
 
 
 class LinkRefusedError(Ros1Error):
@@ -107,19 +107,19 @@ class UnknownServiceError(ServiceError):
 
 
 class ServiceTimeoutError(ServiceError):
-    """The service did not answer in time; whether it did what it was asked is not known."""
+    """The service did not answer in time; it may or may not have acted."""
 
 
 class ServiceFailedError(ServiceError):
-    """The service answered that it failed; the text is its own."""
+    """The service reported a failure, with its own text."""
 
 
 class CallError(Ros1Error):
-    """A call of the master or slave API did not succeed."""
+    """A call of the master or slave API failed."""
 
 
 class UnreachableError(CallError):
-    """No answer: connection refused, timed out, closed early, or not HTTP's 200."""
+    """No answer: connection refused, timed out, closed early, or an HTTP status other than 200."""
 
 
 class FaultError(CallError):

@@ -18,7 +18,7 @@ _RETRY_S: Final = 0.5
 
 
 class Acceptor:
-    """Hands over each connection, which is not blocking, with its peer's address, from now on until it is closed."""
+    """Passes on each connection, non-blocking, with its peer's address, until it is closed."""
 
     def __init__(self, listener: socket.socket, on_connection: Callable[[socket.socket, str], None]) -> None:
         self._loop = asyncio.get_running_loop()
@@ -28,7 +28,7 @@ class Acceptor:
         self._begin()
 
     def close(self) -> None:
-        """Accept nothing more and close the listener; may be called again."""
+        """Stop accepting and close the listener; may be called repeatedly."""
         if self._retry is not None:
             self._retry.cancel()
         if self._listener.fileno() >= 0:
@@ -41,7 +41,7 @@ class Acceptor:
     def _accept(self) -> None:
         try:
             connection, peer = self._listener.accept()
-        except (BlockingIOError, InterruptedError, ConnectionAbortedError):  # whoever it was has left
+        except (BlockingIOError, InterruptedError, ConnectionAbortedError):  # the peer has left
             return
         except OSError as error:
             log.warning("no connection can be accepted: %s", error)
@@ -53,7 +53,7 @@ class Acceptor:
 
 
 BACKLOG: Final = 1024
-"""Connections that may wait to be accepted; whoever finds this full waits a second before it tries again."""
+"""Connections that may wait to be accepted; when full, a peer retries after a second."""
 
 
 def listen_address(host: str) -> str:
@@ -70,7 +70,7 @@ def listen_address(host: str) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host's name or address is each machine's own for itself, as far as it tells."""
+    """Return whether a host name or address is the loopback, as far as it tells."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -92,5 +92,5 @@ def listen(host: str, port: int = 0) -> socket.socket:
 
 
 def uri_host(host: str) -> str:
-    """Return the host as it is written inside a URI."""
+    """Return the host as written in a URI, an IPv6 address in brackets."""
     return f"[{host}]" if ":" in host else host

@@ -1,4 +1,4 @@
-"""The master's API, as a node calls it. Every method raises CallError or XmlRpcError."""
+"""Client of the master API. Every method raises CallError or XmlRpcError."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class SystemState:
     services: Mapping[str, tuple[str, ...]]
 
     def nodes(self) -> set[str]:
-        """Return the names of all nodes that are registered for anything."""
+        """Return the names of all registered nodes."""
         books = (self.publishers, self.subscribers, self.services)
         return {node for book in books for nodes in book.values() for node in nodes}
 
@@ -44,7 +44,7 @@ class MasterClient:
         return _strings(await self.call("registerSubscriber", topic, type_name, caller_api))
 
     async def unregister_subscriber(self, topic: str, caller_api: str) -> bool:
-        """Return whether the registration was there."""
+        """Return whether the registration existed."""
         return bool(_is(int, await self.call("unregisterSubscriber", topic, caller_api)))
 
     async def register_publisher(self, topic: str, type_name: str, caller_api: str) -> tuple[str, ...]:
@@ -52,7 +52,7 @@ class MasterClient:
         return _strings(await self.call("registerPublisher", topic, type_name, caller_api))
 
     async def unregister_publisher(self, topic: str, caller_api: str) -> bool:
-        """Return whether the registration was there."""
+        """Return whether the registration existed."""
         return bool(_is(int, await self.call("unregisterPublisher", topic, caller_api)))
 
     async def get_system_state(self) -> SystemState:
@@ -62,7 +62,7 @@ class MasterClient:
         return SystemState(*(_by_name(part) for part in parts))
 
     async def get_topic_types(self) -> dict[str, str]:
-        """Return message type names by topic, of all that were ever registered; `*` where nobody said."""
+        """Return message type names by topic, of all topics ever registered; `*` if unknown."""
         pairs = (_pair(item) for item in _is(list, await self.call("getTopicTypes")))
         return {_is(str, name): _is(str, kind) for name, kind in pairs}
 
@@ -78,14 +78,14 @@ class MasterClient:
         return _is(int, await self.call("getPid"))
 
     async def uses_sim_time(self) -> bool:
-        """Return whether nodes take their time from /clock: as in rospy, for any value that is not false."""
+        """Return whether `/use_sim_time` is set: as in rospy, any true value counts."""
         try:
             return bool(await self.call("getParam", PARAMETER))
         except StatusError:
             return False
 
     async def call(self, method: str, *params: Any) -> Any:
-        """Return the value that the master answers to any method of its API."""
+        """Call any method of the master API and return its value."""
         return await self._client.call(self.uri, method, self._caller_id, *params)
 
 

@@ -30,7 +30,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class MessageType:
-    """A message type; the definition is whole, that of its dependencies included."""
+    """A message type; the definition includes its dependencies."""
 
     name: str
     md5sum: str
@@ -43,7 +43,7 @@ class MessageType:
 
 @dataclass(frozen=True, slots=True)
 class ServiceType:
-    """A service type; its messages are serialised by their own names."""
+    """A service type; request and response are message types of their own names."""
 
     name: str
     md5sum: str
@@ -69,7 +69,7 @@ def message_type(name: str) -> MessageType:
 
 
 def definition_of(publisher: PublisherAccepted) -> str:
-    """Return the whole definition of what a publisher sends; some clients send none, and it may be known here."""
+    """Return the full definition of a publisher's type: its own or, if it sends none, the one known here."""
     if publisher.definition or publisher.type.name == ANY:
         return publisher.definition
     try:
@@ -107,7 +107,7 @@ def _codec(name: str) -> Codec:
 
 
 def new_message(name: str, /, **fields: Any) -> Any:
-    """Return a message object with all fields of its type given.
+    """Return a message object; all fields of its type must be given.
 
     Raises:
         UnknownTypeError: no such type.
@@ -136,7 +136,7 @@ def serialise(name: str, message: Any) -> bytes:
 
 
 def deserialise(name: str, data: bytes | bytearray | memoryview) -> Any:
-    """Return the message object that the bytes are; its arrays of numbers are views of them.
+    """Return the message object of serialised bytes; its numeric arrays are views of them.
 
     Raises:
         UnknownTypeError: no such type.

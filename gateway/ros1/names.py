@@ -1,4 +1,4 @@
-"""Graph resource names: what is legal, and what a name means from where it is used. Pure."""
+"""Graph resource names: validation, resolution and remapping. Pure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_NAME_CHARACTERS = 1024
 
 
 def validate(name: str) -> str:
-    """Return the name.
+    """Return the name if it is a legal one.
 
     Raises:
         InvalidNameError: not a legal global, relative or private name.
@@ -30,7 +30,7 @@ def validate(name: str) -> str:
 
 
 def validate_global(name: str) -> str:
-    """Return the name.
+    """Return the name if it is a legal one.
 
     Raises:
         InvalidNameError: not a legal name that starts with `/`.
@@ -59,7 +59,7 @@ def namespace_of(name: str) -> str:
 
 
 def resolve(name: str, node: str) -> str:
-    """Return the global name that `name` means within the node called `node`; doubled slashes count as one.
+    """Return the global name of `name` in the node `node`; doubled slashes count as one.
 
     Raises:
         InvalidNameError: the name or the node's name is not legal.
@@ -74,7 +74,7 @@ def resolve(name: str, node: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """What names mean to a node whose names may be remapped; a remapping is of whole names, as in roscpp and rospy.
+    """Name resolution of a node with remappings, which replace whole names, as in roscpp and rospy.
 
     node: its global name. remaps: from name to name, each as it is written in that node.
 
@@ -92,7 +92,7 @@ class Names:
             self._resolved[resolve(name, self.node)] = resolve(other, self.node)
 
     def resolve(self, name: str) -> str:
-        """Return the global name that `name` stands for after remapping.
+        """Return the global name of `name` after remapping.
 
         Raises:
             InvalidNameError: the name is not legal.

@@ -33,7 +33,7 @@ MAX_CALL_BYTES = 256 << 10  # of a call of the slave API; the longest is a list 
 
 
 class Node:
-    """Enter it to come up; the master may be absent and may come and go. Leaving unregisters, within a deadline.
+    """A ROS node while its context lasts; the master may come and go. Leaving unregisters within a deadline.
 
     Leaving a subscription or a publication ends it here at once and waits for no master.
 
@@ -87,7 +87,7 @@ class Node:
 
     @property
     def registered(self) -> bool:
-        """Whether the master answers and has taken all of the node's registrations."""
+        """Whether the master answers and has all of the node's registrations."""
         return self._registrar.settled
 
     @property
@@ -96,7 +96,7 @@ class Node:
         return self._registrar.master_answers
 
     async def looks(self) -> AsyncGenerator[MasterState, None]:
-        """Yield what the master says each time that it is looked at, without asking it once more; the newest counts."""
+        """Yield the master's newest state after each regular look, without extra calls."""
         number = 0
         while True:
             look = await self._registrar.look_after(number)
@@ -104,7 +104,7 @@ class Node:
             yield look
 
     async def unregister_dead(self, name: str, state: SystemState) -> bool:
-        """Take a node off the master whose address refuses connections; see `dead.unregister_dead`."""
+        """Unregister a dead node from the master; see `stale_nodes.unregister_dead`."""
         return await unregister_dead(name, state, client=self._client, master_uri=self.master_uri)
 
     async def __aenter__(self) -> Self:
@@ -218,7 +218,7 @@ class Node:
         if not self.shutdown_requested.is_set():
             self._registrar.want(registration)
 
-    # What the slave API and the registrar ask of a node.
+    # The interfaces for the slave API and the registrar.
 
     @property
     def master_uri(self) -> str:
@@ -237,26 +237,26 @@ class Node:
         return {topic: subscription.type.name for topic, subscription in self._subscriptions.items()}
 
     def publishers_updated(self, topic: str, uris: Sequence[str]) -> None:
-        """Take the master's whole list of a topic's publishers."""
+        """Set the publishers of a topic from the master's update."""
         if topic in self._subscriptions:
             self._subscriptions[topic].update_count += 1
             self.publishers_registered(topic, uris)
 
     def publishers_registered(self, topic: str, uris: Sequence[str]) -> None:
-        """Take the list that answers a registration."""
+        """Set the publishers of a topic from the answer to a registration."""
         if topic in self._subscriptions:
             self._subscriptions[topic].publishers_updated(uris)
 
     def update_count(self, topic: str) -> int:
-        """Return how many publisherUpdate calls the topic had."""
+        """Return the number of publisherUpdate calls for the topic."""
         return self._subscriptions[topic].update_count if topic in self._subscriptions else 0
 
     def links(self) -> Mapping[str, Collection[bool]]:
-        """Return by topic for each listed publisher whether it is connected."""
+        """Return by topic whether each listed publisher is connected."""
         return {topic: subscription.listed() for topic, subscription in self._subscriptions.items()}
 
     def shutdown(self, reason: str) -> None:
-        """Give up all registrations and leave it to the owner of the node to end it."""
+        """Release all registrations; the owner of the node ends it."""
         log.error("%s is asked to shut down: %s", self.name, reason)
         self._registrar.release_all()
         self.shutdown_requested.set()

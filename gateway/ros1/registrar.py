@@ -1,4 +1,4 @@
-"""Keeps a node registered: at a master that is not there yet, is restarted, or loses an update."""
+"""Keeps a node registered, even if the master starts late, restarts or loses an update."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from gateway.ros1.master import MasterClient, SystemState
 
     class PublisherLists(Protocol):
-        """The node's knowledge of who publishes."""
+        """The node's lists of publishers."""
 
         def update_count(self, topic: str) -> int:
-            """Return how many publisherUpdate calls the topic had."""
+            """Return the number of publisherUpdate calls for the topic."""
 
         def publishers_registered(self, topic: str, uris: Sequence[str]) -> None: ...
 
         def links(self) -> Mapping[str, Collection[bool]]:
-            """Return by topic for each known publisher whether it is connected."""
+            """Return by topic whether each known publisher is connected."""
 
 
 log = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ RENEWED_EVERY = 10
 
 @dataclass(frozen=True, slots=True)
 class MasterState:
-    """What the master said when it was looked at.
+    """The master's state at one look.
 
     number: of this look. restarts: how often a master was found that had forgotten all of the node's registrations.
     """
@@ -47,7 +47,7 @@ class MasterState:
 
 
 class Registrar:
-    """The only one that registers and unregisters, so that calls never overtake each other."""
+    """Makes all registration calls of a node, one at a time, so that none overtakes another."""
 
     def __init__(self, *, master: MasterClient, node: str, lists: PublisherLists, interval: float) -> None:
         self._master = master
@@ -64,7 +64,7 @@ class Registrar:
 
     @property
     def settled(self) -> bool:
-        """Whether the master has taken everything that is wanted and released."""
+        """Whether the master has all wanted registrations and no released ones."""
         return self.master_answers is True and self._registrations.plan() == Changes((), ())
 
     def want(self, registration: Registration) -> None:
@@ -80,13 +80,13 @@ class Registrar:
         self._wake.set()
 
     async def look_after(self, number: int) -> MasterState:
-        """Wait until the master was looked at with success more than `number` times; return the newest look."""
+        """Wait until there were more than `number` successful looks at the master; return the newest."""
         while self._look is None or self._look.number <= number:
             await self._looked.wait()
         return self._look
 
     async def run(self, caller_api: str) -> None:
-        """Register `caller_api`, the node's slave URI, for what is wanted, until cancelled."""
+        """Keep `caller_api`, the node's slave URI, registered as wanted, until cancelled."""
         self._caller_api = caller_api
         clock = asyncio.get_running_loop().time
         due = clock()
@@ -146,7 +146,7 @@ class Registrar:
         return changes != Changes((), ())
 
     async def _one(self, call: Callable[[Registration], Awaitable[None]], registration: Registration) -> None:
-        """Make one call; a master that refuses it does not keep the others from being made."""
+        """Make one call; if the master refuses it, the others are still made."""
         try:
             await call(registration)
         except UnreachableError:

@@ -1,4 +1,4 @@
-"""What a node wants to be registered as, and what must be called so that the master agrees: decided without I/O.
+"""Plans the registration calls that bring the master in line with a node, without I/O.
 
 Pure.
 """
@@ -36,7 +36,7 @@ class Changes:
 
 
 class Registrations:
-    """Tracks which registrations are wanted, and which the master may hold.
+    """Tracks the wanted registrations and those that the master may hold.
 
     A call that failed may still have arrived: whatever was tried counts as held until it is unregistered, or until the
     master, which goes by role, topic and node alone, took another type in its place. What is wanted anew is registered
@@ -56,7 +56,7 @@ class Registrations:
         self._in_flight.discard(registration)
 
     def plan(self) -> Changes:
-        """Return what to call now."""
+        """Return the calls to make now."""
         return Changes(
             unregister=tuple(self.held - self.wanted),
             register=tuple(self.wanted - self._confirmed),
@@ -78,7 +78,7 @@ class Registrations:
         self._confirmed.discard(registration)
 
     def compare(self, state: SystemState, links: Mapping[str, Collection[bool]], *, renew: bool = False) -> bool:
-        """Forget what the master does not confirm, and subscriptions that may have missed who publishes.
+        """Forget registrations that the master does not confirm, and subscriptions with outdated publishers.
 
         Returns whether the master has forgotten everything it held, so that it is a new one.
 

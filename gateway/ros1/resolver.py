@@ -1,4 +1,4 @@
-"""Looks up hosts by name. One that nobody knows can take half a minute, in which nothing else may wait for it."""
+"""Resolves host names. An unknown one can take half a minute, in which nothing else may wait for it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ connects gives up after five. A machine in several networks has addresses that c
 
 
 class Resolver:
-    """Looks each name up once at a time, whoever asks, in a thread of its own.
+    """Resolves each name in a thread of its own, once for all callers.
 
     asyncio's own lookups share a few threads, which a handful of publishers on a machine that nobody knows by name
     keeps busy: then no other name is found any more.
@@ -31,7 +31,7 @@ class Resolver:
         self._under_way: dict[str, asyncio.Future[list[str]]] = {}
 
     async def connect(self, host: str, connect: Callable[[str], Awaitable[T]]) -> T:
-        """Return what `connect` makes of the first of a host's addresses that it can connect to.
+        """Return the result of `connect` for the first address of a host that it succeeds with.
 
         Raises:
             OSError, UnicodeError: the host is not known, or none of its addresses answers.
@@ -49,7 +49,7 @@ class Resolver:
         raise next((each for each in failed if not isinstance(each, ConnectionRefusedError)), failed[0])
 
     async def addresses(self, host: str) -> list[str]:
-        """Return a host's addresses; an address is its own.
+        """Return a host's addresses; an address resolves to itself.
 
         Raises:
             OSError, UnicodeError: the host is not known.
@@ -68,11 +68,11 @@ class Resolver:
         answer: asyncio.Future[list[str]] = loop.create_future()
         answer.add_done_callback(lambda _: self._end(host))
         self._under_way[host] = answer
-        # A daemon: what is still being looked up does not keep a process from ending.
+        # A daemon thread, so that a pending lookup does not keep the process from ending.
         Thread(target=_look_up, args=(host, loop, answer), name=f"look up {host}", daemon=True).start()
 
     def _end(self, host: str) -> None:
-        """Forget a lookup. Its failure counts as seen: whoever asked may have given up long before."""
+        """Forget a lookup and mark its failure as seen: its callers may have given up before."""
         self._under_way.pop(host).exception()
 
 

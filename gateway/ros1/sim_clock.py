@@ -1,4 +1,4 @@
-"""ROS's own time where `/use_sim_time` is set: what `/clock` said last. Pure."""
+"""ROS time under `/use_sim_time`: the last message of `/clock`. Pure."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _CLOCK = struct.Struct("<II")
 
 
 class SimClock:
-    """A clock that others move, backward too.
+    """A clock set by messages; it may go backward.
 
     used: whether ROS time is this clock's and not the system's. now_ns: 0 until it was told. jumps: how often it went
     back, as it does when a bag that is played begins again: what was said of times before is of another round.
@@ -26,11 +26,11 @@ class SimClock:
 
     @property
     def ros_time_ns(self) -> int | None:
-        """ROS's own time, or None where that is the system's."""
+        """ROS time in nanoseconds, or None if that is the system's."""
         return self.now_ns if self.used else None
 
     def tell(self, now_ns: int) -> bool:
-        """Move the clock; return whether it jumped back."""
+        """Set the clock; return whether it jumped back."""
         jumped = now_ns < self.now_ns
         self.jumps += jumped
         self.now_ns = now_ns
@@ -38,7 +38,7 @@ class SimClock:
 
 
 def decode_clock(data: bytes | bytearray | memoryview) -> int:
-    """Return the nanoseconds that a rosgraph_msgs/Clock says.
+    """Return the time of a rosgraph_msgs/Clock in nanoseconds.
 
     Raises:
         MessageError: the bytes are not such a message.

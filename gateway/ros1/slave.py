@@ -1,4 +1,4 @@
-"""The slave API: what the master, publishers, subscribers and tools call on a node."""
+"""The slave API, which the master, publishers, subscribers and tools call on a node."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MAX_INT = 2**31 - 1
 
 
 class SlaveState(Protocol):
-    """The node behind the API; nothing here may block."""
+    """The node behind the API; no method may block."""
 
     @property
     def master_uri(self) -> str: ...
@@ -85,7 +85,7 @@ class SlaveApi:
 
 
 def _fitting(value: Any) -> Any:
-    """Return the value with its integers cut to what XML-RPC can say."""
+    """Return the value with integers clamped to XML-RPC's range."""
     if isinstance(value, list):
         return [_fitting(item) for item in value]
     return min(value, _MAX_INT) if isinstance(value, int) else value

@@ -1,4 +1,4 @@
-"""What a node that was killed leaves at its master, which forgets nobody: unregistered as `rosnode cleanup` does it."""
+"""Unregisters killed nodes, which the master never forgets, as `rosnode cleanup` does."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ async def unregister_dead(name: str, state: SystemState, *, client: XmlRpcClient
         CallError, XmlRpcError: the master does not answer as it should.
 
     """
-    master = MasterClient(client, uri=master_uri, caller_id=name)  # who unregisters goes by this name
+    master = MasterClient(client, uri=master_uri, caller_id=name)  # unregisters under the dead node's name
     try:
         uri = await master.lookup_node(name)
     except StatusError:
-        return False  # it has gone in the meantime
+        return False  # it has left in the meantime
     if _is_loopback(uri) and not _is_loopback(master_uri):
         return False
     if not await _refuses(uri, client, caller_id=name):
@@ -53,7 +53,7 @@ async def _refuses(uri: str, client: XmlRpcClient, *, caller_id: str) -> bool:
 def _is_loopback(uri: str) -> bool:
     try:
         return is_loopback(urlsplit(uri).hostname or "")
-    except ValueError:  # what another node registers may be no address
+    except ValueError:  # another node may register an invalid address
         return False
 
 

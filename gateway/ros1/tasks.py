@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class TaskScope:
-    """A TaskGroup whose tasks are cancelled at exit and which leaves the body's own exceptions as they are.
+    """A TaskGroup that cancels its tasks at exit and does not wrap the body's exceptions.
 
     A task that fails cancels the body, as with a TaskGroup.
     """
@@ -51,7 +51,7 @@ async def cancel_and_wait(tasks: set[asyncio.Task[None]]) -> None:
 
 
 async def to_the_end(coroutine: Coroutine[Any, Any, T]) -> T:
-    """Run a coroutine that has its own deadline to its end; being cancelled meanwhile is raised afterwards."""
+    """Run a coroutine with its own deadline to its end; a cancellation meanwhile is raised afterwards."""
     task = asyncio.create_task(coroutine)
     cancelled: asyncio.CancelledError | None = None
     while not task.done():

@@ -1,1 +1,1 @@
-"""ROS topics on their way to Zenoh: translated, thinned out, compressed, and sent while somebody wants them."""
+"""ROS topics to Zenoh: translated, rate-limited, compressed, and sent while there is demand."""

@@ -1,4 +1,4 @@
-"""Forward one topic while somebody wants its stream."""
+"""Forwards one topic while there is demand for its stream."""
 
 import asyncio
 import time
@@ -19,7 +19,7 @@ from schemas.header import MAX_LABEL
 from schemas.status import StreamStatus
 
 LINGER_S: Final = 2.0
-"""How long a topic stays subscribed when nobody wants it any more.
+"""Time for which a topic stays subscribed without demand.
 
 Longer than one `rostopic echo -n 1` takes to follow another; short enough that a robot soon stops reading what nobody
 looks at.
@@ -28,7 +28,7 @@ looks at.
 
 @dataclass(slots=True)
 class Forward:
-    """A stream that is offered on the bus.
+    """A stream offered on the bus.
 
     subscription and latched: there while it is subscribed on ROS; what they counted is the stream's afterwards.
     broken_before: what the subscription counted for others before it became the stream's too.
@@ -46,7 +46,7 @@ class Forward:
     broken_before: Counter[str] = field(default_factory=Counter)
 
     def status(self) -> StreamStatus:
-        """Account for the stream's messages so far."""
+        """Return the counts of the stream's messages so far."""
         links = self.subscription.counters.links.values() if self.subscription else ()
         return self.stream.status(
             wanted=self.demand.wanted,
@@ -59,7 +59,7 @@ class Forward:
         )
 
     def retire(self) -> None:
-        """Hand the stream what was counted here; to be called once, when it is offered no longer."""
+        """Add the counts to the stream; call once, when it is no longer offered."""
         self.stream.retire(replaced=self.publisher.counts.dropped, broken_links={}, outlet=self.outlet.counts)
 
     def _broken(self) -> Counter[str]:
@@ -76,14 +76,14 @@ class Forward:
         return self.subscription.problems if self.subscription else []
 
     async def run(self, topics: Subscriptions) -> None:
-        """Subscribe on ROS whenever the stream is wanted, for ever; or all the time, where it merges."""
+        """Subscribe on ROS while the stream is wanted, or always if it merges messages; run forever."""
         if self.stream.kind.merges:
             await self._stay_subscribed(topics)
         else:
             await while_wanted(self.demand, lambda: self._subscribe(topics), linger_s=self.linger_s)
 
     async def _stay_subscribed(self, topics: Subscriptions) -> None:
-        """Subscribe on ROS all the time, and anew when it is wanted after a pause: who has gone counts no longer.
+        """Subscribe on ROS all the time, and anew when wanted after a pause, to forget publishers that left.
 
         Of what a publisher latches in a pause, whoever subscribes after it is handed the last message alone.
         """
@@ -107,7 +107,7 @@ class Forward:
         accepted = [name for name in kind.translators if name != ANY]
         try:
             async with latching(self.bus, self.stream.key, self.stream.topic, kind.encoding, self.outlet_of) as latched:
-                self.latched = latched  # what was latched before comes while it is being subscribed
+                self.latched = latched  # latched messages come while subscribing
                 async with topics.subscribe(
                     self.stream.topic,
                     kind.ros_type,
@@ -148,7 +148,7 @@ def _with_cure(problem: str) -> str:
 async def offering(
     bus: Bus, stream: StreamForward, outlet_of: OutletOf = unshaped, *, linger_s: float = LINGER_S
 ) -> AsyncIterator[Forward]:
-    """Offer a stream on the bus for as long as the context lasts.
+    """Offer a stream on the bus while the context lasts.
 
     outlet_of: what a publisher's messages go through. linger_s: how long the topic stays subscribed when nobody wants
         it any more.

@@ -1,4 +1,4 @@
-"""One ROS topic on its way to one Zenoh key: translation, thinning, numbering, and account of every message."""
+"""Turns one ROS topic into one stream: translation, rate limit, numbering, and a count of every message."""
 
 import logging
 import struct
@@ -35,14 +35,14 @@ from schemas.status import BEYOND_USE, REPLACED_BEFORE_LINK, THINNED, UNWANTED, 
 NUMBERED: Final = frozenset(
     (image.TYPE_NAME, images.COMPRESSED_TYPE, camera_info.TYPE_NAME, point_cloud.TYPE_NAME, images.DISPARITY_TYPE)
 )
-"""Types that begin with a std_msgs/Header, whose first field is a number that ROS's own publishers count."""
+"""Types that begin with a std_msgs/Header, whose seq ROS's own publishers count up."""
 
 MAX_PUBLISHERS: Final = 64
 _SEQ: Final = struct.Struct("<I")
 
 
 class Gaps:
-    """Counts the messages of a topic that its publishers numbered and that did not arrive.
+    """Counts messages of a topic that did not arrive, by its publishers' sequence numbers.
 
     Nodes that pass on another's messages pass on their numbers too: what `throttle` leaves out counts as missing.
     """
@@ -52,11 +52,11 @@ class Gaps:
         self._last: dict[str, int] = {}
 
     def begin(self) -> None:
-        """Start anew after a pause: what was sent in the pause was never meant for us."""
+        """Start over after a pause: messages sent in the pause are not missing."""
         self._last.clear()
 
     def arrived(self, message: Message) -> None:
-        """Note a message. A number no higher than the last, or far higher, begins another round, as when a bag loops.
+        """Note a message. A number no higher than the last, or far higher, starts over, as when a bag loops.
 
         Latching publishers say nothing: rospy's give a number to each subscriber that comes late.
         """
@@ -77,13 +77,13 @@ READINGS: Final = 64
 
 
 class Meter:
-    """Tells how fast a count grew over the last seconds, from the readings that were taken of it."""
+    """Measures the recent growth of a count from successive readings."""
 
     def __init__(self) -> None:
         self._readings: deque[tuple[int, int]] = deque(maxlen=READINGS)
 
     def hz(self, count: int, now_ns: int) -> float:
-        """Take a reading; return how much the count grew a second since the newest reading that is SPAN_NS old.
+        """Add a reading; return the count's growth per second since the newest reading that is SPAN_NS old.
 
         While there is none, since the first one, which says 0; the clock going back starts over.
         """
@@ -105,7 +105,7 @@ _THINNED: Final = (ImageFrame, PointCloud, RawMessage)
 
 
 class StreamForward:
-    """Turns a topic's messages into the fleet's own.
+    """Translates a topic's messages to the fleet's schema.
 
     boot_id: this gateway process. Numbers count on while nobody listens and the topic is not subscribed.
     thinning: leaves out frames beyond the stream's rate, before they are numbered. useful: tells, of a frame that is
@@ -144,7 +144,7 @@ class StreamForward:
         self.reset()
 
     def reset(self) -> None:
-        """Start with a topic and a kind: what was kept of earlier messages is forgotten."""
+        """Start with a topic and a kind; the state of earlier messages is forgotten."""
         translators = self.kind.translators
         begun = {begin: begin() for begin in set(translators.values())}
         self._no_picture = None
@@ -152,18 +152,18 @@ class StreamForward:
 
     @property
     def no_picture(self) -> str:
-        """Why the topic's clouds are no pictures, once one has come and as long as none was one; or empty."""
+        """Why the topic's clouds are not images, as long as clouds but no image have come; else empty."""
         return self._no_picture or ""
 
     def begin(self) -> None:
-        """Start a subscription: publishers that are not heard in it count no longer."""
+        """Start a subscription: publishers of earlier ones no longer count."""
         self._gaps.begin()
         for translate in self._translates.values():
             if isinstance(translate, Merging):
                 translate.begin()
 
     def take(self, message: Message, now_ns: int) -> codec.Message | None:
-        """Return what a ROS message says, or None when it cannot be read or is one too many, which is counted.
+        """Return a ROS message's translation, or None if it is malformed or over the rate, which is counted.
 
         now_ns: when the whole message was here, nanoseconds since the epoch.
         """
@@ -194,13 +194,13 @@ class StreamForward:
         return translated
 
     def leave_out_unwanted(self, message: Message) -> None:
-        """Count a message that came when nobody wanted the stream any more."""
+        """Count a message that came when the stream was no longer wanted."""
         self._received += 1
         self._gaps.arrived(message)
         self._dropped[UNWANTED] += 1
 
     def _one_too_many(self, message: codec.Message, now_ns: int) -> str:
-        """Return why a message is left out, or nothing."""
+        """Return the reason to leave a message out, or an empty string."""
         if self.thinning is None or not isinstance(message, _THINNED):
             return ""
         if not self.thinning.passes(message.header.stamp_ns, now_ns):
@@ -211,7 +211,7 @@ class StreamForward:
         kind = message.publisher.type
         translate = self._translates.get(kind) or self._translates.get(ANY_TYPE.topic_type)
         if translate is None:
-            raise TypeMismatchError(f"{kind.name} [{kind.md5sum}] is none of {', '.join(self.kind.translators)}")
+            raise TypeMismatchError(f"{kind.name} [{kind.md5sum}] is not one of {', '.join(self.kind.translators)}")
         if len(message.data) > self.kind.max_bytes:
             raise MessageError(f"{kind.name} of {len(message.data)} bytes, at most {self.kind.max_bytes} are read")
         return translate(message, header)
@@ -221,7 +221,7 @@ class StreamForward:
         log.warning("%s from %s: message left out: %s", self.topic, message.callerid, error)
 
     def _note_repair(self, message: Message, error: Repaired) -> None:
-        """Count a repair, and say ever more rarely what its driver does wrong with every message."""
+        """Count a repair, and log the driver's fault ever more rarely."""
         self._repaired += 1
         if self._repaired.bit_count() == 1:
             log.warning("%s from %s: %s (%d so far)", self.topic, message.callerid, error, self._repaired)
@@ -238,13 +238,13 @@ class StreamForward:
         )
 
     def retire(self, *, replaced: int, broken_links: Mapping[str, int], outlet: OutletCounts) -> None:
-        """Remember what has been counted (see `status`) by something that ends: the stream counts on."""
+        """Add the final counts (see `status`) of an ended subscription or outlet to the stream's."""
         self._replaced += replaced
         self._broken_links.update(broken_links)
         self._shaped += outlet
 
     def dropped(self) -> Counter[str]:
-        """Return how many messages were dropped by what has ended, by reason."""
+        """Return the drops of ended subscriptions and outlets, by reason."""
         return self._dropped + self._lost(0, self._shaped)
 
     def _lost(self, replaced: int, outlet: OutletCounts) -> Counter[str]:
@@ -261,7 +261,7 @@ class StreamForward:
         now_ns: int = 0,
         problem: str = "",
     ) -> StreamStatus:
-        """Account for every message.
+        """Return the stream's status, which accounts for every message.
 
         replaced: how many payloads a newer one replaced before the link. outlet: what became of them before that.
         These and `broken_links` are about what goes on now; what was told to `retire` is added. now_ns: as `take` has

@@ -1,4 +1,4 @@
-"""Subscriptions of ROS topics that several streams are made of: a node has one of each topic."""
+"""Subscriptions of ROS topics, shared by streams that are made of the same topic."""
 
 import asyncio
 import logging
@@ -25,13 +25,13 @@ MAX_BYTES: Final = 64 << 20
 
 
 def has_room(others: Collection[int], size: int) -> bool:
-    """Whether a message of a size is kept beside those of other publishers, whose sizes are given, in bytes."""
+    """Return whether a message may be kept beside those of other publishers; sizes in bytes."""
     return len(others) < MAX_PUBLISHERS and sum(others) + size <= MAX_BYTES
 
 
 @dataclass(slots=True, eq=False)
 class _Kept:
-    """One ROS publisher's place.
+    """The latched message of one ROS publisher.
 
     is_small: whether its messages are queued, rather than that the newest replaces those that wait. waiting: its last
     messages until there is a bus publisher, and an outlet to it.
@@ -46,11 +46,11 @@ class _Kept:
 
     @property
     def qos(self) -> QoS:
-        """How its messages travel."""
+        """The quality of service of its messages."""
         return QoS.STATUS if self.is_small else QoS.LATCHED
 
     def wait(self, message: codec.Message) -> int:
-        """Let a message wait for the outlet; return how many older ones that costs."""
+        """Queue a message for the outlet; return the number of older ones dropped for it."""
         self.waiting.append(message)
         lost = max(0, len(self.waiting) - (SMALL_WAITING if self.is_small else 1))
         for _ in range(lost):
@@ -59,17 +59,17 @@ class _Kept:
 
     @property
     def dropped(self) -> int:
-        """How many messages a newer one replaced on the bus's side of the outlet."""
+        """Messages replaced by newer ones between outlet and bus."""
         return self.publisher.counts.dropped if self.publisher else 0
 
     @property
     def counts(self) -> OutletCounts:
-        """What became of the messages in the outlet."""
+        """Counts of the messages in the outlet."""
         return self.outlet.counts if self.outlet else OutletCounts()
 
 
 class Latched:
-    """The last message of each latching publisher of a stream: at most MAX_PUBLISHERS, of MAX_BYTES together.
+    """The last message of each latching publisher of a stream: at most MAX_PUBLISHERS and MAX_BYTES together.
 
     problem: in words, once a message could not be kept, or empty.
     """
@@ -91,16 +91,16 @@ class Latched:
 
     @property
     def dropped(self) -> int:
-        """How many messages a newer one replaced before the link took them."""
+        """Messages replaced by newer ones before the link took them."""
         return self._dropped + sum(kept.dropped for kept in self._open)
 
     @property
     def counts(self) -> OutletCounts:
-        """What became of the messages on their way through the outlets."""
+        """Counts of the messages in all outlets."""
         return sum((kept.counts for kept in self._open), self._shaped)
 
     def put(self, publisher: str, message: codec.Message, size: int) -> bool:
-        """Send a message and keep it in place of its publisher's last one; False where there is no room for it.
+        """Send a message and keep it instead of its publisher's last one; return False if there is no room.
 
         size: of the ROS message, in bytes.
         """
@@ -117,7 +117,7 @@ class Latched:
         return True
 
     def _place(self, publisher: str, *, is_small: bool) -> _Kept:
-        """Return a publisher's place: another one when its messages are of another size now, and travel otherwise."""
+        """Return a publisher's place: a new one if its messages now need another quality of service."""
         kept = self._kept.get(publisher)
         if kept is None or kept.is_small != is_small:
             self.forget(publisher)
@@ -127,12 +127,12 @@ class Latched:
         return kept
 
     def forget(self, publisher: str) -> None:
-        """Keep nothing more of a publisher."""
+        """Forget a publisher and its message."""
         if kept := self._kept.pop(publisher, None):
             kept.closed.set()
 
     def say_full(self, size: int) -> None:
-        """Say, the first time, that there is no room for a message of a size in bytes."""
+        """Log, the first time, that there is no room for a message. size: in bytes."""
         if not self.problem:
             self.problem = (
                 f"a latched message of {size:,} bytes is not kept for late subscribers: at most {MAX_PUBLISHERS} "
@@ -141,7 +141,7 @@ class Latched:
             log.warning("%s, %s: %s", self._key, self._topic, self.problem)
 
     def end(self) -> None:
-        """Account for what never got as far as the bus; to be called once nothing is kept any more."""
+        """Count messages that never reached the bus; call once nothing is kept any more."""
         for kept in list(self._open):
             self._add_up(kept)
 
@@ -167,7 +167,7 @@ class Latched:
 
 @asynccontextmanager
 async def latching(bus: Bus, key: SensorKey, topic: str, encoding: str, outlet_of: OutletOf) -> AsyncIterator[Latched]:
-    """Keep a stream's latched messages on the bus for as long as the context lasts."""
+    """Keep a stream's latched messages on the bus while the context lasts."""
     scope = TaskScope()
     latched = Latched(bus, key, topic, encoding, outlet_of, scope=scope)
     try:
@@ -179,7 +179,7 @@ async def latching(bus: Bus, key: SensorKey, topic: str, encoding: str, outlet_o
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reader:
-    """One of those who share. forget: told the slave URI of a publisher that has gone for good."""
+    """One user of a shared subscription. forget: called with the slave URI of a publisher that left for good."""
 
     take: Callable[[Message], None]
     forget: Callable[[str], None]
@@ -187,7 +187,7 @@ class _Reader:
 
 @dataclass(slots=True)
 class _Shared:
-    """A topic's subscription. latched: what latching publishers sent last, while there is room, for later readers.
+    """A shared subscription. latched: the last messages of latching publishers, for later readers, while they fit.
 
     unkept: of what there was no room for, the size in bytes.
     """
@@ -221,7 +221,7 @@ class _Shared:
 
 
 class Subscriptions:
-    """Subscribes a node to topics, once each, for as many as want them. max_message_bytes: longer ones are not read."""
+    """Subscribes a node to each topic once for all readers. max_message_bytes: longer messages are not read."""
 
     def __init__(self, node: Node, max_message_bytes: int = DEFAULT_MAX_MESSAGE_BYTES) -> None:
         self._node = node
@@ -239,7 +239,7 @@ class Subscriptions:
         on_gone: Callable[[str], None],
         on_unkept: Callable[[int], None],
     ) -> AsyncIterator[Subscription]:
-        """Receive a topic; see `Node.subscribe`. Who shares a topic with another asks for the same types.
+        """Receive a topic; see `Node.subscribe`. Readers of one topic must accept the same types.
 
         What latching publishers sent before is taken first. on_unkept: told the size in bytes of each such message
         that is there no longer, since there was no room for it.

@@ -1,1 +1,1 @@
-"""The fleet's results on their way back to the robot's own ROS graph, while somebody there listens."""
+"""Zenoh to ROS: returns the fleet's results to the robot's ROS graph, while somebody subscribes."""

@@ -1,4 +1,4 @@
-"""Return one stream of results while somebody on the robot's ROS graph listens."""
+"""Returns one stream of results while a node on the robot's ROS graph subscribes."""
 
 import asyncio
 import logging
@@ -20,14 +20,14 @@ log = logging.getLogger(__name__)
 
 @dataclass(slots=True)
 class Return(Generic[R]):
-    """A stream that is offered on ROS while it runs. publications: by topic, while it runs."""
+    """A stream offered on ROS. publications: by topic, while it runs."""
 
     stream: StreamReturn[R]
     demand: SharedDemand = field(default_factory=SharedDemand)
     publications: dict[str, Publication] = field(default_factory=dict)
 
     def status(self) -> ReturnStatus:
-        """Account for the stream's messages so far."""
+        """Return the counts of the stream's messages so far."""
         return self.stream.status(
             wanted=self.demand.wanted,
             subscribers=sum(publication.subscriber_count for publication in self.publications.values()),
@@ -38,7 +38,7 @@ class Return(Generic[R]):
         return sum(publication.counters.replaced for publication in self.publications.values())
 
     async def run(self, node: Node, bus: Bus) -> None:
-        """Advertise on ROS and subscribe on the bus whenever ROS wants the stream, for ever. To be run once.
+        """Advertise on ROS, and subscribe on the bus while ROS wants the stream, forever. Run once.
 
         Returns at once, and says so in the log, where the node cannot advertise: remapped, a camera that was found may
         have a topic that is in use.
@@ -68,7 +68,7 @@ class Return(Generic[R]):
         )
 
     async def _subscribe(self, bus: Bus) -> None:
-        # History only for what says of when it is: a result of long ago would pass for one of now.
+        # No history for results without a time: an old one would pass for a current one.
         translator = self.stream.translator
         async with bus.subscribe(str(self.stream.key), translator.keep, history=translator.latched) as results:
             async for sample in results:

@@ -1,4 +1,4 @@
-"""Results of the fleet as ROS messages: topic names, and class lists, distances, overlays, object clouds and alerts.
+"""ROS topics and messages of results: class lists, distances, overlays, object clouds and alerts.
 
 Pure.
 """
@@ -37,33 +37,33 @@ RESULTS: Final[Mapping[Stream, str]] = {
     Stream.OVERLAY_SEGMENTATION: "segmentation/image",
     Stream.OBJECTS: "segmentation/points",
 }
-"""By stream: the topic below the namespace of a camera's results."""
+"""Topics below the namespace of a camera's results, by stream."""
 
 
 def result_root(camera: str, *, first: bool) -> str:
-    """Return the ROS namespace of a camera's results, relative to the gateway's; the first has no chunk of its own."""
+    """Return the ROS namespace of a camera's results, relative to the gateway's; the first camera has no chunk."""
     return ROOT if first else f"{ROOT}/{ros_chunk(camera)}"
 
 
 def is_result(topic: str) -> bool:
-    """Whether a topic is where gateways publish, in whatever namespace, so that none may take it for a sensor."""
+    """Return whether a topic is where gateways publish results, in any namespace, so it is no sensor's."""
     return ROOT in topic.split("/")
 
 
 def results_of(gateway: str, publishers: Mapping[str, Collection[str]]) -> list[str]:
-    """Return the topics of the results that a gateway's node publishes, given all publishing nodes by topic."""
+    """Return the result topics of a gateway's node, given all publishing nodes by topic."""
     return [topic for topic, nodes in publishers.items() if gateway in nodes and is_result(topic)]
 
 
 def recorders(topics: Collection[str], subscribers: Mapping[str, Collection[str]]) -> list[str]:
-    """Return the nodes that subscribe to all of several topics, as `rosbag record -a` does; given all, by topic."""
+    """Return the nodes that subscribe to all given topics, as `rosbag record -a` does."""
     found = [set(subscribers.get(topic, ())) for topic in topics]
     return sorted(set.intersection(*found)) if len(found) > 1 else []
 
 
 def cure(recorder: str) -> str:
-    """Return how a recorder is kept from making results wanted."""
-    pattern = re.sub(r"_\d+$", "_.*", recorder)  # rosbag's number is another one each time
+    """Return the advice that keeps a recorder from requesting results."""
+    pattern = re.sub(r"_\d+$", "_.*", recorder)  # rosbag's number differs each time
     return (
         f"`rosbag record -a -x '.*/{ROOT}/.*'` leaves results out; a gateway with --passive-subscribers '{pattern}' "
         "gives it those that others want"
@@ -107,7 +107,7 @@ def action(asked: Action, _: int) -> bytes:
 
 
 COLOR_SPACES: Final = {"rgb8": "RGB", "mono8": "GRAY"}
-"""What a JPEG file's pixels are decoded to."""
+"""Encoding of decoded JPEG files."""
 
 
 def image(frame: ImageFrame, number: int) -> bytes:
@@ -136,7 +136,7 @@ def image(frame: ImageFrame, number: int) -> bytes:
 
 
 def _decoded(frame: ImageFrame) -> tuple[memoryview, int]:
-    """Return pixels and the bytes of a row; the decoder's own idea of the size is checked before it takes memory."""
+    """Return pixels and the bytes of a row; the size in the file is checked before memory is allocated."""
     if frame.format != JPEG or frame.encoding not in COLOR_SPACES:
         raise SchemaError(f"an overlay as {frame.format} of {frame.encoding} pixels: only raw and JPEG are returned")
     try:
@@ -144,7 +144,7 @@ def _decoded(frame: ImageFrame) -> tuple[memoryview, int]:
         if (height, width) != (frame.height, frame.width):
             raise SchemaError(f"{frame.width}x{frame.height} pixels, the decoder finds {width}x{height}")
         pixels = simplejpeg.decode_jpeg(frame.data, COLOR_SPACES[frame.encoding])
-    except (ValueError, KeyError) as error:  # KeyError: a subsampling that simplejpeg has no name for
+    except (ValueError, KeyError) as error:  # KeyError: a subsampling unknown to simplejpeg
         raise SchemaError(f"a JPEG file that cannot be decoded: {error!r}") from error
     return pixels.data.cast("B"), pixels.strides[0]
 
@@ -169,7 +169,7 @@ FIELDS: Final = (
     PointField("label", 16, UINT32, 1),
     PointField("instance", 20, UINT32, 1),
 )
-"""rgb as PCL packs it: the bytes blue, green, red and 0, called a float32."""
+"""PCL's packed rgb: the bytes blue, green, red and 0, declared as float32."""
 
 
 def object_clouds(seen: ObjectClouds, number: int) -> bytes:
@@ -219,7 +219,7 @@ ALERT: Final = Translator(Alert, STRING, alert, waiting=MESSAGES_WAITING, latche
 ACTION: Final = Translator(
     Action, STRING, action, waiting=MESSAGES_WAITING, unasked=True, route=lambda asked: asked.name
 )
-"""Unasked, so that a refused action is said to be refused."""
+"""Actions of a robot, received without demand, so that a refused action is logged."""
 
 CAMERA_RETURNS: Final[Mapping[Stream, Translator[Any]]] = {
     Stream.CLASSES: CLASSES,
@@ -230,11 +230,11 @@ CAMERA_RETURNS: Final[Mapping[Stream, Translator[Any]]] = {
 }
 
 Resolve = Callable[[str], str]
-"""Returns the global ROS name that a name means to the gateway's node."""
+"""Resolves a name to a global ROS name for the gateway's node."""
 
 
 def camera_returns(camera: CameraKey, root: str, resolve: Resolve) -> list[StreamReturn[Any]]:
-    """Return every stream that a gateway returns for a camera; `root` is the camera's result namespace on ROS."""
+    """Return all result streams of a camera. root: the ROS namespace of its results."""
     return [
         StreamReturn(
             StreamKey(camera, stream), translator, NewerFrames(camera), {"": resolve(f"{root}/{RESULTS[stream]}")}
@@ -244,14 +244,14 @@ def camera_returns(camera: CameraKey, root: str, resolve: Resolve) -> list[Strea
 
 
 def alerts_return(robot: str, resolve: Resolve) -> StreamReturn[Alert]:
-    """Return the stream of a robot's alerts; one comes again whenever it changes."""
+    """Return the stream of a robot's alerts; an alert is sent again when it changes."""
     key = RobotStreamKey(robot, ALERTS)
     novelty = UnseenMessages[Alert](key, lambda said: (said.id, said.changed_ns))
     return StreamReturn(key, ALERT, novelty, {"": resolve(ALERTS_TOPIC)})
 
 
 def actions_return(robot: str, allowed: Mapping[str, str], resolve: Resolve) -> StreamReturn[Action]:
-    """Return the stream of a robot's actions; `allowed` has the topic of each that it takes."""
+    """Return the stream of a robot's actions. allowed: the topic of each allowed action."""
     key = RobotStreamKey(robot, ACTIONS)
     topics = {action: resolve(topic) for action, topic in allowed.items()}
     return StreamReturn(key, ACTION, UnseenMessages[Action](key, lambda asked: asked.id), topics)

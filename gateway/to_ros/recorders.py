@@ -1,4 +1,4 @@
-"""Says which ROS nodes subscribe to everything, as `rosbag record -a` does: for them every result is wanted."""
+"""Warns of ROS nodes that subscribe to everything, as `rosbag record -a` does, and so request every result."""
 
 import logging
 from collections.abc import Callable
@@ -11,7 +11,7 @@ log = logging.getLogger(__name__)
 
 
 async def warn_of_recorders(node: Node, passive: Callable[[str], bool]) -> None:
-    """Log once of each node that subscribes to all results, for ever; passive: tells whether it makes none wanted."""
+    """Log each node that subscribes to all results once, forever. passive: whether a node requests none."""
     said: set[str] = set()
     async with aclosing(node.looks()) as looks:
         async for look in looks:

@@ -1,4 +1,4 @@
-"""One Zenoh key on its way to ROS: checks, and the account of every message."""
+"""Passes one Zenoh key to ROS: checks messages and counts each one."""
 
 import logging
 from collections import Counter, OrderedDict
@@ -22,7 +22,7 @@ class Framed(Protocol):
 
     @property
     def header(self) -> Header:
-        """Which frame that is."""
+        """The frame's header."""
 
 
 class Addressed(Protocol):
@@ -30,7 +30,7 @@ class Addressed(Protocol):
 
     @property
     def robot(self) -> str:
-        """Which robot that is."""
+        """The robot's name."""
 
 
 R_contra = TypeVar("R_contra", contravariant=True)
@@ -38,38 +38,38 @@ A_contra = TypeVar("A_contra", bound=Addressed, contravariant=True)
 
 
 class Novelty(Protocol[R_contra]):
-    """What a stream has returned so far."""
+    """Memory of the results that a stream has returned."""
 
     def is_new(self, result: R_contra) -> bool:
-        """Whether a result is one that was not returned yet.
+        """Return whether a result has not been returned yet.
 
         Raises:
             SchemaError: it speaks of another robot or camera than its key.
         """
 
     def remember(self, result: R_contra) -> None:
-        """Take note that a result was returned."""
+        """Note that a result was returned."""
 
 
 class NewerFrames:
-    """Frames only go forward, within each life of the gateway that sent them."""
+    """Accepts only newer frames, within each life of the gateway that sent them."""
 
     def __init__(self, camera: CameraKey) -> None:
         self._camera = camera
         self._last: Header | None = None
 
     def is_new(self, result: Framed) -> bool:
-        """Whether it is of a newer frame, or of another gateway process."""
+        """Return whether a result is of a newer frame, or of another gateway process."""
         codec.check_identity(result.header, self._camera)
         return is_newer(result.header, self._last)
 
     def remember(self, result: Framed) -> None:
-        """Take note of its frame."""
+        """Note the result's frame."""
         self._last = result.header
 
 
 class UnseenMessages(Generic[A_contra]):
-    """Each message once, whoever sends it again; the last 1,024 are remembered.
+    """Accepts each message once, even from other senders; the last 1,024 are remembered.
 
     identify: what makes two messages the same.
     """
@@ -80,12 +80,12 @@ class UnseenMessages(Generic[A_contra]):
         self._seen: OrderedDict[Hashable, None] = OrderedDict()
 
     def is_new(self, result: A_contra) -> bool:
-        """Whether no such message is remembered."""
+        """Return whether the message is not among those remembered."""
         codec.check_robot(result.robot, self._key)
         return self._identify(result) not in self._seen
 
     def remember(self, result: A_contra) -> None:
-        """Take note of a message, and forget the oldest one when there are too many."""
+        """Note a message, and forget the oldest one if there are too many."""
         self._seen[self._identify(result)] = None
         if len(self._seen) > MAX_REMEMBERED:
             self._seen.popitem(last=False)
@@ -95,7 +95,7 @@ R = TypeVar("R", bound=codec.Message)
 
 
 def anywhere(_: codec.Message) -> str:
-    """Send every result of a stream the same way."""
+    """Route every result to the stream's only topic."""
     return ""
 
 
@@ -123,7 +123,7 @@ class Translator(Generic[R]):
 
     @property
     def keep(self) -> Latest | Queue:
-        """What waits for the gateway."""
+        """The queue policy of waiting results."""
         return LATEST if self.waiting == 1 else QUEUE(self.waiting)
 
 
@@ -138,7 +138,7 @@ SLOW: Final = "replaced by a newer one before a slow ROS subscriber took it"
 
 
 class StreamReturn(Generic[R]):
-    """Decides about a stream's results. For each one received: `returned`, `leave_out` or `unheard`, before the next.
+    """Decides on a stream's results. After each `receive`, call `returned`, `leave_out` or `unheard`.
 
     topics: by route (see Translator) where results go on ROS; those of another route are refused.
     """
@@ -155,7 +155,7 @@ class StreamReturn(Generic[R]):
         self._dropped: Counter[str] = Counter()
 
     def receive(self, payload: bytes, encoding: str, replaced: int) -> R | None:
-        """Return a result that is to be returned, or None when it is malformed, doubled or refused, which is counted.
+        """Return a result to pass on, or None if it is malformed, duplicate or refused, which is counted.
 
         replaced: how many results newer ones replaced since the last one taken.
         """
@@ -179,7 +179,7 @@ class StreamReturn(Generic[R]):
         return None
 
     def topic_of(self, result: R) -> str:
-        """Return where a result goes."""
+        """Return the ROS topic of a result."""
         return self.topics[self.translator.route(result)]
 
     @property
@@ -188,26 +188,26 @@ class StreamReturn(Generic[R]):
         return self._published + 1
 
     def returned(self, result: R) -> None:
-        """Take note that a result was returned."""
+        """Note that a result was returned."""
         self._novelty.remember(result)
         self._published += 1
 
     def leave_out(self, error: Exception) -> None:
-        """Take note that a result cannot be returned."""
+        """Note that a result cannot be returned."""
         self._dropped[MALFORMED] += 1
         log.warning("%s: result left out: %s", self.key, error)
 
     def unheard(self, result: R) -> None:
-        """Take note that nobody was there to take a result."""
+        """Note that a result had no subscriber."""
         self._dropped[UNHEARD] += 1
         log.warning("%s: nobody subscribes to %s", self.key, self.topic_of(result))
 
     def retire(self, *, slow: int) -> None:
-        """Remember what has been counted (see `status`) by publications that end: the stream counts on."""
+        """Add the final counts (see `status`) of ended publications to the stream's."""
         self._dropped[SLOW] += slow
 
     def status(self, *, wanted: bool, subscribers: int, slow: int) -> ReturnStatus:
-        """Account for every message.
+        """Return the stream's status, which accounts for every message.
 
         slow: how many were replaced while they waited for a ROS subscriber; what was told to `retire` is added.
         """

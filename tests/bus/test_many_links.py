@@ -77,9 +77,9 @@ resource.setrlimit(resource.RLIMIT_NOFILE, (int(sys.argv[2]) // 2, int(sys.argv[
 async def main() -> None:
     async with open_bus(BusSettings(mode="router", listen=[sys.argv[1]], shared_memory=False)) as bus:
         print("ready", flush=True)
-        while not bus.session.links.problem:
+        while not bus.links.problem:
             await asyncio.sleep(0.05)
-        print(bus.session.links.problem, flush=True)
+        print(bus.links.problem, flush=True)
         await asyncio.Event().wait()
 
 asyncio.run(main())
@@ -91,6 +91,6 @@ async def test_where_few_files_may_be_open_it_is_said_before_the_last_link_is_ta
     async with running(SMALL_ROUTER, endpoint, str(OTHER_FILES + links)) as router, AsyncExitStack() as stack:
         sessions = [await stack.enter_async_context(open_bus(client(endpoint))) for _ in range(links - 1)]
         assert router.stdout is not None
-        assert (await router.stdout.readline()).startswith(b"9 of at most 10 links are taken, and those beyond")
+        assert (await router.stdout.readline()).startswith(b"9 of at most 10 links are in use, further ones")
         sessions += [await stack.enter_async_context(open_bus(client(endpoint))) for _ in range(2)]
         assert [bool(each.link_problem) for each in sessions] == [False] * links + [True]

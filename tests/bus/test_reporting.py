@@ -50,4 +50,4 @@ async def test_a_status_that_cannot_be_sent_is_left_out_and_said_once(
     async with reported(lambda: next(said, status(4))) as (samples, _):
         assert (await receive(samples, WorkerStatus)).sent_ns == 3
     (line,) = [each for each in caplog.records if each.levelno == logging.ERROR]
-    assert line.getMessage().startswith(f"{KEY}: a status that cannot be sent: ")
+    assert line.getMessage().startswith(f"{KEY}: status not sent: ")

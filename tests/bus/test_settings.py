@@ -31,7 +31,7 @@ def test_a_wrong_endpoint_is_one_error_that_names_the_field(field: str, endpoint
         BusSettings.model_validate({"mode": "peer", field: [endpoint]})
     (error,) = caught.value.errors()
     assert error["loc"] == (field, 0)
-    assert "no endpoint" in error["msg"]
+    assert "not an endpoint" in error["msg"]
 
 
 @pytest.mark.parametrize(

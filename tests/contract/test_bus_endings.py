@@ -96,7 +96,7 @@ async def refused(context: AbstractAsyncContextManager[object]) -> None:
 
 
 def test_a_queue_holds_something() -> None:
-    with pytest.raises(ValueError, match="holds nothing"):
+    with pytest.raises(ValueError, match="must be at least 1"):
         QUEUE(0)
     assert QUEUE(1) == Queue(1)
 

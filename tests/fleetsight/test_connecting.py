@@ -55,7 +55,7 @@ async def test_a_name_that_does_not_resolve_is_the_cause() -> None:
 
 
 async def test_an_endpoint_that_is_none_is_refused_at_once() -> None:
-    with pytest.raises(fleetsight.SettingsError, match="connect: 'central' is no endpoint"):
+    with pytest.raises(fleetsight.SettingsError, match="connect: 'central' is not an endpoint"):
         async with fleetsight.connect("central"):
             raise AssertionError
 
@@ -106,7 +106,7 @@ async def test_certificates_are_used_and_bad_ones_named(tmp_path: Path) -> None:
         async with connect_with(endpoint, own) as fleet:
             assert fleet.problem == ""
         with pytest.raises(
-            fleetsight.CertificateError, match=r"^tls_key .*central\.key: not the key of tls_certificate"
+            fleetsight.CertificateError, match=r"^tls_key .*central\.key: does not belong to tls_certificate"
         ):
             async with connect_with(endpoint, {**own, "tls_key": other["tls_key"]}):
                 raise AssertionError

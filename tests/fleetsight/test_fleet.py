@@ -77,7 +77,7 @@ async def test_without_anybody_to_answer_the_error_says_whom_to_start() -> None:
         "an image for a detector worker: no detector worker was seen within 0.3 s; start one with `fleetsight detector`"
     )
     assert str(monitor.value) == (
-        "the inventory: nobody serves it, or whoever did left before answering; start one with `fleetsight monitor`"
+        "the inventory: no server has this key, or it left before answering; start one with `fleetsight monitor`"
     )
 
 

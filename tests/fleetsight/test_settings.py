@@ -36,9 +36,9 @@ def test_a_variable_can_make_it_a_scout() -> None:
         (
             {"connect": ["central:7447"]},
             {},
-            "connect: 'central:7447' is no endpoint; write it like tcp/192.168.0.1:7447",
+            "connect: 'central:7447' is not an endpoint; write it like tcp/192.168.0.1:7447",
         ),
-        ({}, {"FLEETSIGHT_CONNECT": "[1]"}, "FLEETSIGHT_CONNECT: '[1]' is no endpoint; write it like"),
+        ({}, {"FLEETSIGHT_CONNECT": "[1]"}, "FLEETSIGHT_CONNECT: '[1]' is not an endpoint; write it like"),
         ({}, {"FLEETSIGHT_LEASE_S": "0"}, "FLEETSIGHT_LEASE_S '0': Input should be greater than or equal to 0.5"),
         ({"connect": ["tls/a:1"]}, {}, "tls_ca: tls/ and quic/ endpoints need tls_ca, tls_certificate, tls_key"),
     ],

@@ -84,7 +84,7 @@ async def test_what_appears_is_offered_and_what_stays_away_withdrawn(
         async with camera.advertise(FRONT_TOPIC, TYPE_NAME):
             await rig.until_offered(FRONT_TOPIC)
             assert rig.explorer.waiting_for == ""
-            assert caplog.messages.count("for no stream that there is: --rectified rear/color") == 1
+            assert caplog.messages.count("no such stream: --rectified rear/color") == 1
             async with camera.advertise(REAR_TOPIC, TYPE_NAME):
                 await rig.until_offered(FRONT_TOPIC, REAR_TOPIC)
             await rig.until_offered(FRONT_TOPIC)
@@ -237,7 +237,10 @@ async def test_a_driver_of_unordered_clouds_has_no_colour_until_it_is_started_an
             publication.publish(bytes(colored().data))
             await until(lambda: offered() == ["color", "points"], "its clouds are pictures")
             await until(lambda: publication.subscriber_count == 0, "it is listened to no longer")
-    assert caplog.messages.count(f"{topic}: its points are no picture, so they give their camera no colour") == 1
+    assert (
+        caplog.messages.count(f"{topic}: its points are not an image, so its camera gets no colour stream from them")
+        == 1
+    )
     assert "camera/color: /camera/depth/color/points (sensor_msgs/PointCloud2)" in caplog.messages
 
 

@@ -37,4 +37,4 @@ async def test_a_host_that_nobody_can_reach_is_warned_of_with_where_it_is_from(
 def test_without_a_variable_the_host_is_the_machines_name(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in VARIABLES:
         monkeypatch.delenv(name, raising=False)
-    assert RosSettings().host_given_by() == "this machine's name"
+    assert RosSettings().host_given_by() == "this machine's host name"

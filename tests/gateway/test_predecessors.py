@@ -36,7 +36,7 @@ async def test_the_robots_own_dead_gateways_are_unregistered_and_nobody_else(cap
             await clear_predecessors(own, "r1")
             assert (await own.master.get_system_state()).nodes() - {OWN} == set(OTHERS)
     said = [message for message in caplog.messages if "killed" in message]
-    assert said == [f"{name} is no more: it was killed and is unregistered now" for name in DEAD]
+    assert said == [f"{name} was killed: it is unregistered from the ROS master" for name in DEAD]
 
 
 async def test_one_that_lives_stays(caplog: pytest.LogCaptureFixture) -> None:

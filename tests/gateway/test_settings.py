@@ -30,12 +30,12 @@ def test_ros_own_variables_are_the_defaults(
         ("robot", "", "robot name"),
         ("robot", "r/1", "robot name"),
         ("robot", "a\n", "robot name"),
-        ("ros_master", "robot:11311", "looks like http://robot:11311"),
-        ("ros_master", "http://robot", "looks like http://robot:11311"),
-        ("ros_master", "http://::1:11311", "looks like http://robot:11311 or http://[fd00::7]:11311"),
-        ("allow", "(", "no regular expression: missing )"),
-        ("deny", "/a[", "no regular expression: unterminated character set"),
-        ("passive_subscribers", "/a[", "no regular expression: unterminated character set"),
+        ("ros_master", "robot:11311", "use one like http://robot:11311"),
+        ("ros_master", "http://robot", "use one like http://robot:11311"),
+        ("ros_master", "http://::1:11311", "use one like http://robot:11311 or http://[fd00::7]:11311"),
+        ("allow", "(", "not a regular expression: missing )"),
+        ("deny", "/a[", "not a regular expression: unterminated character set"),
+        ("passive_subscribers", "/a[", "not a regular expression: unterminated character set"),
         ("cameras", {"status": "/image"}, "camera name 'status' is reserved"),
         ("cameras", {"a/b": "/image"}, "camera name 'a/b'"),
         ("cameras", {"front": "7/image"}, "camera front: '7/image' is not a ROS topic"),
@@ -47,9 +47,9 @@ def test_ros_own_variables_are_the_defaults(
         ("remap", {"": "/b"}, "not a ROS name: ''"),
         ("cameras", {"front": "/image//raw"}, "is not a ROS topic"),
         ("cameras", {"front": "/" + "a" * 256}, "is not a ROS topic"),
-        ("ros_master", "http://robot:99999", "looks like http://robot:11311"),
-        ("ros_host", "bad host", "neither a host's name nor an address"),
-        ("ros_host", "ab:cd", "neither a host's name nor an address"),
+        ("ros_master", "http://robot:99999", "use one like http://robot:11311"),
+        ("ros_host", "bad host", "neither a host name nor an address"),
+        ("ros_host", "ab:cd", "neither a host name nor an address"),
         ("cameras", {"front": "/ultralytics/detection/image"}, "camera front: /ultralytics/detection/image is where"),
         ("cameras", {"front": "/ultralytics"}, "gateways publish results"),
         ("topics", {"front/depth": "-depth"}, "stream front/depth: '-depth' is not a ROS topic"),
@@ -61,7 +61,7 @@ def test_ros_own_variables_are_the_defaults(
         ("topics", {"ros/a b": "/battery"}, "stream name 'a b'"),
         ("topics", {"a b/depth": "/depth"}, "camera name 'a b'"),
         ("topics", {"alerts": "/alerts"}, "not a stream that sensors send: 'alerts'"),
-        ("actions", {"pick up": "/planner/pick_up"}, "'pick up' is no name of an action, which looks like pick_up"),
+        ("actions", {"pick up": "/planner/pick_up"}, "'pick up' is not an action's name; use one like pick_up"),
         ("actions", {"pick_up": "pick up"}, "action pick_up: 'pick up' is not a ROS topic"),
         ("actions", {"pick_up": "/ultralytics/alerts"}, "action pick_up: /ultralytics/alerts is where gateways"),
     ],
@@ -197,7 +197,7 @@ def test_rectified_pictures_are_named() -> None:
 
 @pytest.mark.parametrize("name", ["front", "front/info", "front/points", "tf", "ros/front"])
 def test_what_is_no_picture_cannot_be_rectified(name: str) -> None:
-    with pytest.raises(ValidationError, match=r"not a stream that sensors send|no picture of a camera"):
+    with pytest.raises(ValidationError, match=r"not a stream that sensors send|not a camera's image stream"):
         GatewaySettings(robot="r1", rectified=[name])
 
 

@@ -114,8 +114,8 @@ async def test_a_robot_with_everything_that_can_go_wrong(ros: RosEnvironment, ri
         await register(ros.master_uri, "/lost", "http://no-such-robot.invalid:40000/")
         report = await doctor(ros.master_uri, cameras, rig.endpoint)
     assert report.code == 1
-    assert "it was killed, or that is wrong" in report.said("dead/color")
-    assert "it was killed, or that is wrong" in report.said("front/color", "note")
+    assert "nothing listens: killed, or address wrong" in report.said("dead/color")
+    assert "nothing listens: killed, or address wrong" in report.said("front/color", "note")
     assert "messages/s, 9267 bytes each" in report.said("front/color", "ok")
     assert "unknown encoding: 'rgb9'" in report.said("odd/color")
     assert "sent nothing in 1.5 s" in report.said("mute/color")
@@ -137,8 +137,8 @@ async def test_a_healthy_robot_whose_streams_somebody_wants(ros: RosEnvironment,
         await rig.stream_status("r1", "front", lambda status: status.forwarded > 0)
         report = await doctor(ros.master_uri, CAMERAS, rig.endpoint, *DEPTH)
     assert (report.code, report.problems) == (0, [])
-    assert "by the calibrations and transforms" in report.said("front/depth", "note")
-    assert "has the calibration but is no stream" in report.said("front/info", "note")
+    assert "from the calibrations and transforms" in report.said("front/depth", "note")
+    assert "has the calibration but is not a stream" in report.said("front/info", "note")
     assert report.said("front/color", "ok").endswith("messages/s")
     assert "nobody subscribes" in report.said("front/depth", "ok")
     assert report.said("r1", "ok") == "its gateway is on the bus and waits for nothing"
@@ -173,7 +173,7 @@ async def test_what_makes_places_wrong(ros: RosEnvironment, rig: FleetRig) -> No
     report = await doctor(ros.master_uri, {}, rig.endpoint)
     assert report.code == 1
     mixed = report.said("front/color")
-    assert mixed.startswith("it mixes what is not of one sensor: ")
+    assert mixed.startswith("it mixes several sensors: ")
     assert "/front sends frame 'color_lens'" in mixed
     assert "/rear sends frame 'rear_lens'" in mixed
     assert "its principal point (64, 48) is far off the centre of 64x48 pixels" in report.said("front/info")

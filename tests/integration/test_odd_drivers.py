@@ -126,7 +126,7 @@ async def test_a_driver_of_unordered_clouds_alone_is_no_camera(
     caplog.set_level("INFO")
     await rig.gateway("r1", ros.master_uri, {}, "--compression", "raw")
     await publish(ros, {POINTS: UNORDERED})
-    said = f"{POINTS}: its points are no picture, so they give their camera no colour"
+    said = f"{POINTS}: its points are not an image, so its camera gets no colour stream from them"
     await until(lambda: said in caplog.text, "the gateway has looked")
     async with rig.subscribed("fleet/r1/camera/points") as clouds:
         assert (await receive(clouds, PointCloud)).width == 6

@@ -1,4 +1,4 @@
-"""The message and service types that are spoken here, in ROS's own language."""
+"""Definitions of the known message and service types, in ROS's .msg language."""
 
 from __future__ import annotations
 
@@ -161,6 +161,6 @@ def _parsed(text: str) -> dict[str, Definition]:
 
 
 DEFINITIONS: Final[Definitions] = _parsed(_MESSAGES) | _parsed(_SERVICES)
-"""By name; a service has two entries, its name with `Request` and with `Response` behind it."""
+"""Definitions by name; a service has two, its name followed by `Request` and by `Response`."""
 
 SERVICES: Final = frozenset(name.removesuffix(REQUEST) for name in _parsed(_SERVICES) if name.endswith(REQUEST))

@@ -1,4 +1,4 @@
-"""From a definition to the functions that read and write its messages."""
+"""Compiles definitions to functions that read and write messages."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
     Buffer: TypeAlias = bytes | bytearray | memoryview
 
 NOT_SUCH_A_MESSAGE: Final = (struct.error, ValueError, TypeError, AttributeError, OverflowError)
-"""What reading and writing raise, besides MessageError."""
+"""Exceptions of reading and writing besides MessageError."""
 
 
 class Time(msgspec.Struct, frozen=True):
-    """A moment; neither part has a sign on the wire."""
+    """A point in time; both parts are unsigned on the wire."""
 
     sec: int
     nanosec: int
 
 
 class Duration(msgspec.Struct, frozen=True):
-    """A span of time; both parts have a sign on the wire."""
+    """A span of time; both parts are signed on the wire."""
 
     sec: int
     nanosec: int
@@ -91,12 +91,12 @@ def _with_needed(definitions: Definitions, name: str) -> Iterator[Definition]:
 
 @cache
 def message_class(definition: Definition) -> type[msgspec.Struct]:
-    """Return what a type's messages are instances of, alone and in others."""
+    """Return the class of a type's messages, alone and nested."""
     return msgspec.defstruct(definition.name.partition("/")[2], [(field.name, Any) for field in definition.fields])
 
 
 def _packed(value: Any, kind: str, length: int | None) -> Any:
-    """Return the items of an array of numbers as what can be joined and has `nbytes`."""
+    """Return an array of numbers as a buffer that can be joined and has `nbytes`."""
     if isinstance(value, np.ndarray):
         if value.dtype != kind:
             raise MessageError(f"array of {value.dtype} instead of {np.dtype(kind)}")

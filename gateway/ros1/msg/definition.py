@@ -1,4 +1,4 @@
-"""The language of ROS 1's .msg files, read into fields and constants."""
+"""Parser of ROS 1's .msg language into fields and constants."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NUMBERS: Final = {
     "float32": "f",
     "float64": "d",
 }
-"""The struct module's code of each number; `byte` has a sign and `char` has none, whatever their names say."""
+"""The struct code of each numeric type; contrary to their names, `byte` is signed and `char` unsigned."""
 
 _HEADER: Final = "std_msgs/Header"
 _CONSTANT: Final = re.compile(r"(?P<type>\w+)\s+(?P<name>[A-Za-z]\w*)\s*=\s*(?P<value>.*)", re.ASCII)
@@ -105,7 +105,7 @@ def _constant(name: str, line: str) -> Constant:
     found = _CONSTANT.fullmatch(line)
     if found is None or found["type"] not in {*NUMBERS, STRING}:
         raise MessageError(f"{name}: no constant: {line[:80]!r}")
-    # To a text, everything up to the end of the line belongs, the sign of a comment too.
+    # A string constant extends to the end of the line, `#` included.
     value = found["value"] if found["type"] == STRING else found["value"].partition("#")[0]
     return Constant(found["name"], found["type"], value.strip())
 
@@ -139,7 +139,7 @@ def md5sum(definitions: Definitions, *names: str) -> str:
 
 
 def _essence(definitions: Definitions, name: str) -> str:
-    """Return what counts: constants first, messages by their own md5sum."""
+    """Return the text that md5sums are made of: constants first, nested messages by their md5sum."""
     definition = definitions[name]
     constants = [f"{constant.type} {constant.name}={constant.value}" for constant in definition.constants]
     return "\n".join(constants + [_digest_field(definitions, field) for field in definition.fields])
@@ -153,7 +153,7 @@ def _digest_field(definitions: Definitions, field: Field) -> str:
 
 
 def whole_text(definitions: Definitions, name: str) -> str:
-    """Return a type's definition followed by those of all types that it needs, each once.
+    """Return a type's definition followed by those of its dependencies, each once.
 
     Raises:
         KeyError: one of them has no definition.

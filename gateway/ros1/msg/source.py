@@ -1,4 +1,4 @@
-"""Python source that reads and writes one message type: what it is made of is unrolled, and fixed fields go together.
+"""Generates Python source to read and write a message type: fields are unrolled, fixed-size ones grouped.
 
 Both functions work with what `codec` puts into their namespace. A read past the end always raises: a text that is cut
 off by a slice leaves the position outside, where nothing more can be read, and the whole must end where the bytes do.
@@ -20,7 +20,7 @@ _INDENT: Final = "    "
 
 
 class _Source:
-    """Lines of one function; numbers wait until what follows has to know where it is."""
+    """Lines of one function; numeric fields are grouped until a field of variable size follows."""
 
     def __init__(self, definitions: Definitions) -> None:
         self.lines: list[str] = []
@@ -44,7 +44,7 @@ class _Source:
         self._waiting.append((code, name))
 
     def _waited(self) -> tuple[str, str, int]:
-        """Return what waited: the struct's number, the names with commas, and the size in bytes."""
+        """Return the grouped fields: the struct's number, the names with commas, and the size in bytes."""
         self.formats.append("<" + "".join(code for code, _ in self._waiting))
         names = "".join(f"{name}, " for _, name in self._waiting)
         self._waiting = []

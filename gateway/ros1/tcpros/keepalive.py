@@ -1,4 +1,4 @@
-"""Notices peers that are gone without a word, and has patience with those that are only slow."""
+"""Detects peers that vanished silently, and tolerates slow ones."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ SILENCE_S: Final = 25
 _IDLE_S, _INTERVAL_S, _PROBES = 10, 5, 3
 
 _TCP_INFO: Final = struct.Struct("=2x2B52xI")
-"""How struct tcp_info of linux/tcp.h begins: of it tcpi_retransmits, tcpi_probes and tcpi_last_ack_recv."""
+"""Start of struct tcp_info in linux/tcp.h, with tcpi_retransmits, tcpi_probes and tcpi_last_ack_recv."""
 
 
 def notice_dead_peer(connection: socket.socket | trsock.TransportSocket) -> None:
-    """Have a TCP connection on which nothing is sent break about SILENCE_S after its peer fell silent.
+    """Make an idle TCP connection break about SILENCE_S after its peer went silent.
 
     One that drives out of the network sends no FIN. While something is sent the kernel does not probe: ask `is_gone`.
     """
@@ -31,7 +31,7 @@ def notice_dead_peer(connection: socket.socket | trsock.TransportSocket) -> None
 
 
 class Acknowledgement(NamedTuple):
-    """What became of what was sent. retransmits, probes: how often in a row nothing came back; age_ms: of the last."""
+    """Acknowledgement state of a connection. retransmits, probes: unanswered in a row. age_ms: of the last one."""
 
     retransmits: int
     probes: int
@@ -39,17 +39,17 @@ class Acknowledgement(NamedTuple):
 
     @classmethod
     def of(cls, connection: socket.socket) -> Self:
-        """Ask the kernel."""
+        """Return the state from the kernel."""
         return cls.read(connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _TCP_INFO.size))
 
     @classmethod
     def read(cls, info: bytes) -> Self:
-        """Read a struct tcp_info; a shorter one, as an emulated kernel gives, tells nothing."""
+        """Return the state from a struct tcp_info, or a neutral one if it is short, as from an emulated kernel."""
         return cls(*_TCP_INFO.unpack(info)) if len(info) == _TCP_INFO.size else cls(0, 0, 0)
 
     @property
     def is_overdue(self) -> bool:
-        """Whether nobody is there any more.
+        """Whether the peer counts as gone.
 
         A peer that takes nothing, as rospy does while a callback runs, answers probes, which the kernel sends ever
         more rarely, at last every two minutes: the time alone tells nothing. TCP_USER_TIMEOUT goes by it.
@@ -58,7 +58,7 @@ class Acknowledgement(NamedTuple):
 
 
 def is_gone(connection: socket.socket) -> bool:
-    """Return whether a peer has acknowledged nothing for SILENCE_S of what is sent to it again and again.
+    """Return whether a peer has acknowledged no retransmitted data for SILENCE_S.
 
     Of one that took nothing for long before it went, that shows after some minutes.
     """

@@ -28,7 +28,7 @@ async def run_link(
     handshake_timeout: float,
     message_timeout: float = MESSAGE_TIMEOUT_S,
 ) -> None:
-    """Connect and hand over events until the publisher closes the stream.
+    """Connect and pass on events until the publisher closes the stream.
 
     Raises:
         UnreachableError: no connection, or no header, within `handshake_timeout` seconds.
@@ -43,7 +43,7 @@ async def run_link(
         async with asyncio.timeout(handshake_timeout):
             await resolver.connect(host, lambda found: loop.create_connection(lambda: link, found, port))
             await link.first_event.wait()
-    except (TimeoutError, OSError, UnicodeError) as error:  # UnicodeError: no host can be called so
+    except (TimeoutError, OSError, UnicodeError) as error:  # UnicodeError: not a possible host name
         await link.abort()
         late = f"{'no header' if link.is_connected else 'no answer'} within {handshake_timeout:g} s"
         reason = late if isinstance(error, TimeoutError) else repr(error)
@@ -80,7 +80,7 @@ class _Link(asyncio.BufferedProtocol):
 
     @property
     def is_connected(self) -> bool:
-        """Whether there ever was a connection."""
+        """Whether a connection was ever made."""
         return self._transport is not None
 
     async def abort(self) -> None:

@@ -1,4 +1,4 @@
-"""One topic's publication: a bounded outgoing queue for every subscriber, so that none delays another."""
+"""Publication of one topic, with a bounded queue for each subscriber, so that none delays another."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 # Below this size a message and its prefix are joined, so that they leave in one segment.
 _JOIN_BYTES = 64 << 10
-_LOOK_S = 5.0  # between looks at whether a subscriber is still there
+_LOOK_S = 5.0  # between checks whether a subscriber is still there
 
 
 @dataclass(slots=True)
@@ -33,7 +33,7 @@ class PublicationCounters:
 
 
 class Publication:
-    """Publishes serialised messages to whoever is connected; with `latch`, the last one to newcomers too.
+    """Publishes serialised messages to connected subscribers; with `latch`, the last one to new ones too.
 
     `on_demand` is called on the event loop when the first subscriber comes and when the last one goes, until closing.
     Subscribers whose nodes' names are `passive` do not count for that; they get what is published as all others do.
@@ -95,7 +95,7 @@ class Publication:
             self._tell_demand()
 
     def close(self) -> None:
-        """End every subscriber's connection; what is queued is lost."""
+        """End every subscriber's connection; queued messages are lost."""
         self._on_demand = None
         for outgoing in self._outgoing:
             with suppress(OSError):
@@ -130,7 +130,7 @@ class Publication:
 
 
 class _Outgoing:
-    """What waits for one subscriber."""
+    """The queue of one subscriber."""
 
     def __init__(self, connection: socket.socket, callerid: str, size: int) -> None:
         self.connection = connection
@@ -141,7 +141,7 @@ class _Outgoing:
         self._waiting = asyncio.Event()
 
     def put(self, message: bytes) -> int:
-        """Queue a message; return how many it replaced."""
+        """Queue a message; return the number of messages it replaced."""
         replaced = int(len(self._messages) == self._messages.maxlen)
         self._messages.append(message)
         self._waiting.set()
@@ -165,13 +165,13 @@ async def _send_message(connection: socket.socket, message: bytes) -> None:
 
 
 async def _until_left(connection: socket.socket) -> None:
-    """Return when the subscriber closes the connection, or is gone without a word."""
+    """Return when the subscriber closes the connection or has vanished silently."""
     loop = asyncio.get_running_loop()
     with suppress(OSError):
         while not is_gone(connection):
             with suppress(TimeoutError):
                 async with asyncio.timeout(_LOOK_S):
-                    # What is here already is read without a pause, which others need.
+                    # Reading available data does not yield to the event loop, but other tasks need their turn.
                     while await loop.sock_recv(connection, 1024):  # noqa: ASYNC110
                         await asyncio.sleep(0)
                     return

@@ -53,7 +53,7 @@ class TcprosServer:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Where subscribers connect; known once entered."""
+        """The address for subscribers; known once entered."""
         return self._host, self._port
 
     async def __aenter__(self) -> Self:
@@ -84,7 +84,7 @@ class TcprosServer:
             async with asyncio.timeout(self._timeout):
                 event = await self._handshake(connection)
         except (WireError, OSError) as error:
-            log.warning("%s is no subscriber: %r", peer, error)
+            log.warning("%s is not a subscriber: %r", peer, error)
             return
         if isinstance(event, SubscriberRefused):
             log.warning("%s is refused: %s", peer, event.reason)
@@ -96,7 +96,7 @@ class TcprosServer:
             await publication.serve(connection, event)
 
     async def _handshake(self, connection: socket.socket) -> PublisherEvent:
-        """Return how the subscriber's header is answered; a refusal is sent already."""
+        """Return the answer to the subscriber's header; a refusal has already been sent."""
         loop = asyncio.get_running_loop()
         offers = {topic: publication.offer for topic, publication in self._publications.items()}
         protocol = PublisherConnection(callerid=self._callerid, offers=offers, budget=self._budget)

@@ -42,7 +42,7 @@ _CHUNK_BYTES = 64 << 10
 
 @dataclass(frozen=True, slots=True)
 class ServiceAnswer:
-    """A service's type as it says itself, and its serialised response."""
+    """A service's type from its header, and its serialised response."""
 
     type: TopicType
     data: bytes
@@ -61,7 +61,7 @@ class ServiceClient:
     async def call(
         self, service: str, expected: TopicType, make_request: Callable[[TopicType], bytes], *, timeout_s: float
     ) -> ServiceAnswer:
-        """Call a service by its global name; `*` in `expected` takes whatever it has.
+        """Call a service by its global name; `*` in `expected` accepts any type.
 
         `make_request` is given the service's type and returns the serialised request; what it raises ends the call
         before the service is asked for anything.
@@ -88,7 +88,7 @@ class ServiceClient:
                 return await self._call(service, host, port, connection, make_request)
         except TimeoutError as error:
             raise ServiceTimeoutError(f"{service} did not answer within {timeout_s:g} s") from error
-        except (OSError, UnicodeError) as error:  # UnicodeError: no host can be called so
+        except (OSError, UnicodeError) as error:  # UnicodeError: not a possible host name
             raise UnreachableError(f"{service} cannot be reached: {error}") from error
 
     async def _lookup(self, service: str) -> tuple[str, int]:
@@ -151,14 +151,14 @@ ALL: Final = (EMPTY, TRIGGER, SET_BOOL)
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a Trigger or a SetBool answers."""
+    """Response of a std_srvs/Trigger or std_srvs/SetBool."""
 
     success: bool
     message: str
 
 
 def serialise_request(kind: TopicType, *, argument: bool | None) -> bytes:
-    """Return the request of a service of std_srvs.
+    """Return the serialised request for a service of std_srvs.
 
     Raises:
         MessageError: a SetBool without an argument, or another one with.
@@ -175,7 +175,7 @@ def serialise_request(kind: TopicType, *, argument: bool | None) -> bytes:
 
 
 def deserialise_response(kind: TopicType, data: bytes) -> Answer | None:
-    """Return what a service of std_srvs answered; an Empty answers nothing.
+    """Return the response of a service of std_srvs; None for an Empty.
 
     Raises:
         MessageError: the bytes are not such a response.

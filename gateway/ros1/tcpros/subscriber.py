@@ -1,4 +1,4 @@
-"""One topic's subscription: a link to every publisher that the master lists, each on its own."""
+"""Subscription of one topic, with an independent link to each publisher that the master lists."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Message(NamedTuple):
 
 @dataclass(slots=True)
 class LinkCounters:
-    """What one publisher's link saw; `problem` says in words why it is not connected, once that was tried."""
+    """Counters of the link to one publisher; `problem` tells why it is not connected, after an attempt."""
 
     messages: int = 0
     bytes: int = 0
@@ -101,7 +101,7 @@ class LinkCounters:
 
 @dataclass(slots=True)
 class SubscriptionCounters:
-    """What a subscription saw; `links` holds the publishers that are listed or connected now, by slave URI."""
+    """Counters of a subscription; `links` has the publishers listed or connected now, by slave URI."""
 
     callback_errors: int = 0
     failures: Counter[LinkFailure] = field(default_factory=Counter)
@@ -152,17 +152,17 @@ class Subscription:
 
     @property
     def problems(self) -> list[str]:
-        """Why publishers are not heard now, in words; those that are there and do not fit come first."""
+        """Why publishers are not connected, in words; reachable ones that do not fit come first."""
         failing = [(uri, link) for uri, link in self.counters.links.items() if link.problem]
         failing.sort(key=lambda item: item[1].problem.startswith(LinkFailure.UNREACHABLE))
         return [one_line(f"{uri}: {link.problem}") for uri, link in failing]
 
     def listed(self) -> list[bool]:
-        """Return for each listed publisher whether it is connected."""
+        """Return whether each listed publisher is connected."""
         return [link.connected for uri, link in self.counters.links.items() if uri in self._listed]
 
     def publishers_updated(self, uris: Iterable[str]) -> None:
-        """Follow the master's whole list: link to those that are new, drop those neither listed nor connected."""
+        """Follow the master's list: link to new publishers, drop those neither listed nor connected."""
         listed = dict.fromkeys(uris)
         self._listed = set(listed)
         for uri in self._links.keys() - listed:
@@ -242,7 +242,7 @@ class Subscription:
         return parse_offer(await self._client.call(uri, "requestTopic", self._callerid, self.topic, [["TCPROS"]]))
 
     def accept(self, found: TopicType) -> None:
-        """Take a publisher's type.
+        """Accept a publisher's type, or raise.
 
         Raises:
             TypeMismatchError: it is none of the accepted ones.
@@ -257,10 +257,10 @@ class Subscription:
         self.type = found
 
     def deliver(self, message: Message) -> None:
-        """Hand a message over."""
+        """Pass on a message."""
         try:
             self._on_message(message)
-        except Exception:  # whatever the caller's code raises, the link goes on
+        except Exception:  # the link survives any exception of the caller's code
             self.counters.callback_errors += 1
             if self.counters.callback_errors == 1:
                 log.exception("%s from %s: the callback failed", self.topic, message.uri)

@@ -13,18 +13,18 @@ from gateway.ros1.wire.header import LENGTH
 
 
 class FrameBudget:
-    """At most `max_bytes` of large frames that are not whole; whoever comes when it is used up is refused."""
+    """Budget of `max_bytes` for large unfinished frames; when it is used up, further frames are refused."""
 
     def __init__(self, max_bytes: int) -> None:
         self._max_bytes = max_bytes
         self.held_bytes = 0
 
     def has(self, count: int) -> bool:
-        """Return whether so much more may be held."""
+        """Return whether the budget has room for so many bytes."""
         return self.held_bytes + count <= self._max_bytes
 
     def take(self, count: int) -> None:
-        """Hold more, or less.
+        """Add bytes to those held; a negative number releases them.
 
         Raises:
             TcprosError: others hold too much for that.
@@ -65,7 +65,7 @@ class FrameReceiver:
         self._taken = 0
 
     def get_buffer(self) -> memoryview:
-        """Return where the next received bytes belong; never empty once `next_frame` has returned None."""
+        """Return the buffer for the next received bytes; never empty once `next_frame` has returned None."""
         if self._body is not None:
             return self._body[self._filled :]
         if self._start == self._end:
@@ -75,7 +75,7 @@ class FrameReceiver:
         return self._scratch[self._end :]
 
     def buffer_updated(self, count: int) -> None:
-        """Take `count` bytes written to the start of the last `get_buffer`."""
+        """Note that `count` bytes were written to the start of the last `get_buffer`."""
         if self._body is not None:
             self._filled += count
         else:
@@ -83,16 +83,16 @@ class FrameReceiver:
 
     @property
     def frame_under_way(self) -> int | None:
-        """The number of the frame whose beginning is here and whose end is not."""
+        """The number of the frame that is partly received."""
         return None if self._body is None else self._whole_frames
 
     def close(self) -> None:
-        """Let go of the frame under way; nothing can be received after that."""
+        """Release the unfinished frame; nothing can be received after that."""
         self._body, self._scratch, self._is_steady = None, self._small, False
         self._take_from_budget(0)
 
     def next_frame(self) -> memoryview | None:
-        """Return the next whole frame, in memory of its own, or None: then more bytes are needed.
+        """Return the next complete frame, in memory of its own, or None if more bytes are needed.
 
         Raises:
             TcprosError: the frame's length is over the cap, or the budget is used up.
@@ -115,7 +115,7 @@ class FrameReceiver:
         return body
 
     def _expect(self) -> None:
-        """Receive the next frame, its length too, where it will stay if it is like the last two.
+        """Receive the next frame and its length in their final place if it is like the last two.
 
         What is only expected leaves room in the budget for the largest frame that may really be under way.
         """
@@ -124,7 +124,7 @@ class FrameReceiver:
             self._scratch = self._buffer(size)
 
     def _begin_body(self) -> None:
-        """Start the next frame with what the scratch buffer holds of it."""
+        """Start the next frame with its bytes from the scratch buffer."""
         held = self._end - self._start
         if held < LENGTH.size:
             self._small[:held] = self._scratch[self._start : self._end]
@@ -148,7 +148,7 @@ class FrameReceiver:
             self._scratch = self._small
 
     def _buffer(self, size: int) -> memoryview:
-        """Return cleared memory of a bytearray, which the bus passes on without a copy in between."""
+        """Return a zeroed bytearray, which the bus passes on without a copy."""
         self._take_from_budget(size if size > FIRST_STEP_BYTES else 0)
         return memoryview(bytearray(size))
 

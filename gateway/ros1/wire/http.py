@@ -1,4 +1,4 @@
-"""HTTP as XML-RPC uses it, without I/O: one request and one answer a connection, each bounded.
+"""HTTP for XML-RPC without I/O: one bounded request and answer per connection.
 
 Peers speak HTTP/1.0 and 1.1; a connection is closed after its answer, which all of them take.
 """
@@ -21,7 +21,7 @@ _CLOSE: Final = ("Connection", "close")
 
 
 class _Side:
-    """One side of one connection; `http` is h11's."""
+    """One side of a connection. http: the h11 connection."""
 
     def __init__(self, http: h11.Connection, max_body_bytes: int) -> None:
         self._http = http
@@ -29,11 +29,11 @@ class _Side:
         self._decoder = Decoder(max_body_bytes)
 
     def close(self) -> None:
-        """Let go of what was received; the connection has ended."""
+        """Release the received data; the connection has ended."""
         self._decoder.discard()
 
     def _receive(self, data: bytes) -> bool:
-        """Take received bytes; return whether the peer's part is whole."""
+        """Take received bytes; return whether the peer's message is complete."""
         try:
             self._http.receive_data(data)
             while True:
@@ -64,7 +64,7 @@ class _Side:
 
 
 class ServerExchange(_Side):
-    """The server's side: feed what arrives until the call is whole, then send what `answer` or `refuse` returns."""
+    """The server's side: feed received bytes until the call is complete, then send `answer` or `refuse`."""
 
     def __init__(self, max_body_bytes: int) -> None:
         super().__init__(h11.Connection(h11.SERVER, MAX_HEAD_BYTES), max_body_bytes)
@@ -87,7 +87,7 @@ class ServerExchange(_Side):
     def _check(self, head: h11.Request | h11.Response) -> None:
         if isinstance(head, h11.Request) and head.method != b"POST":
             raise HttpError("no POST", status=405)
-        # No ROS node sends chunks, and many small ones cost far more time than bytes.
+        # No ROS node sends chunked bodies, and many small chunks cost far more time than their bytes.
         if any(name == b"transfer-encoding" for name, _ in head.headers):
             raise HttpError("a length is needed", status=411)
         super()._check(head)
@@ -97,7 +97,7 @@ class ServerExchange(_Side):
         return self._respond(200, body)
 
     def refuse(self, status: int) -> bytes:
-        """Return the bytes of an answer without a body; none where nothing was asked."""
+        """Return the bytes of an answer without a body; none if there was no request."""
         return b"" if self._http.our_state is h11.MUST_CLOSE else self._respond(status, b"")
 
     def _respond(self, status: int, body: bytes) -> bytes:
@@ -106,7 +106,7 @@ class ServerExchange(_Side):
 
 
 class ClientExchange(_Side):
-    """The client's side: send `opening`, then feed what arrives until the answer is whole.
+    """The client's side: send `opening`, then feed received bytes until the answer is complete.
 
     Raises:
         HttpError: host and target cannot stand in a request.

@@ -36,7 +36,7 @@ class ServiceAnswered:
 
 @dataclass(frozen=True, slots=True)
 class ServiceFailed:
-    """The service says that it failed, and why, in one line."""
+    """The service reports a failure, with the reason in one line."""
 
     reason: str
 
@@ -66,7 +66,7 @@ class ServiceConnection:
 
     @staticmethod
     def request(data: bytes) -> bytes:
-        """Return a serialised request as it is sent.
+        """Return a serialised request with its length prefix.
 
         Raises:
             TcprosError: a length prefix cannot say how long it is.
@@ -75,12 +75,12 @@ class ServiceConnection:
         return message_prefix(len(data)) + data
 
     def receive_data(self, data: bytes | bytearray | memoryview) -> None:
-        """Take received bytes; then take events until there is none."""
+        """Take received bytes; then call `next_event` until it returns None."""
         if not self._ended:
             self._received += data
 
     def next_event(self) -> ServiceEvent | None:
-        """Return the next event, or None: then more bytes are needed, or the call has ended.
+        """Return the next event, or None if more bytes are needed or the call has ended.
 
         Raises:
             HeaderError, TcprosError: the peer does not speak TCPROS, or a limit is passed.
@@ -114,7 +114,7 @@ class ServiceConnection:
         return ServiceAnswered(body) if succeeded else ServiceFailed(one_line(body.decode(errors="replace")))
 
     def _frame(self, start: int, limit: int) -> bytes | None:
-        """Take the whole frame whose length is at `start`, and what is before it."""
+        """Remove and return the complete frame whose length is at `start`, with the bytes before it."""
         begin = start + LENGTH.size
         if len(self._received) < begin:
             return None

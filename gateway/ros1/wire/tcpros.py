@@ -31,7 +31,7 @@ class TopicType(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """What a publisher says about its topic."""
+    """A publisher's description of its topic."""
 
     topic: str
     type: TopicType
@@ -78,7 +78,7 @@ PublisherEvent: TypeAlias = SubscriberAccepted | SubscriberRefused
 
 
 class SubscriberConnection:
-    """The subscriber's side: send `opening`, receive into `get_buffer`, take events until there is none.
+    """The subscriber's side: send `opening`, receive into `get_buffer`, call `next_event` until it returns None.
 
     An error ends the connection; the events before it have been given by then, however the stream is cut.
 
@@ -114,15 +114,15 @@ class SubscriberConnection:
 
     @property
     def message_under_way(self) -> int | None:
-        """The number of the message whose beginning is here and whose end is not."""
+        """The number of the message that is partly received."""
         return self._frames.frame_under_way
 
     def close(self) -> None:
-        """Let go of what was received; the connection has ended."""
+        """Release the received data; the connection has ended."""
         self._frames.close()
 
     def next_event(self) -> SubscriberEvent | None:
-        """Return the next event, or None: then more bytes are needed.
+        """Return the next event, or None if more bytes are needed.
 
         Raises:
             HeaderError, TcprosError: the publisher does not speak TCPROS, or a limit is passed.
@@ -153,7 +153,7 @@ class SubscriberConnection:
 
 
 def checked_type(fields: Mapping[str, str], sender: str, subject: str, expected: TopicType) -> TopicType:
-    """Return the type in a header that answers ours; `sender` and `subject` are what an error calls them.
+    """Return the type in a peer's header if it fits ours. sender, subject: their names in errors.
 
     Raises:
         LinkRefusedError: the header says `error=`.
@@ -180,7 +180,7 @@ def _fits(expected: TopicType, found: TopicType) -> bool:
 
 
 class PublisherConnection:
-    """The publisher's side: feed what arrives until one event comes; later bytes are ignored."""
+    """The publisher's side: feed received bytes until one event comes; later bytes are ignored."""
 
     def __init__(self, *, callerid: str, offers: Mapping[str, Offer], budget: FrameBudget | None = None) -> None:
         self._callerid = callerid
@@ -189,7 +189,7 @@ class PublisherConnection:
         self._frames = FrameReceiver(MAX_HEADER_BYTES, budget)
 
     def close(self) -> None:
-        """Let go of what was received; the connection has ended, or its header has come."""
+        """Release the received data; the connection has ended, or its header has come."""
         self._frames.close()
 
     def receive_data(self, data: bytes) -> PublisherEvent | None:

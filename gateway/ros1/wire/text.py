@@ -1,4 +1,4 @@
-"""Texts that peers send: bounded, and safe to show in an error."""
+"""Texts from peers, bounded and safe to show in an error."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ MAX_CHARACTERS = 500
 
 
 def one_line(text: str) -> str:
-    """Return a peer's text without what could write a line of a log of its own, cut where it is long."""
+    """Return a peer's text on one line, without control characters, truncated if long."""
     words = " ".join(text[:MAX_CHARACTERS].split())
     return "".join(character if character.isprintable() else "?" for character in words)
 
@@ -17,7 +17,7 @@ MAX_TEXT_BYTES = 1024
 
 
 def read_text(type_name: str, view: memoryview, at: int, length: int) -> tuple[str, int]:
-    """Return a message's text of `length` bytes, and where it ends; bytes that are not UTF-8 are U+FFFD.
+    """Return a message's text of `length` bytes, and its end offset; bytes that are not UTF-8 become U+FFFD.
 
     Raises:
         MessageError: it is too long, or cut off.

@@ -1,4 +1,4 @@
-"""XML-RPC bodies, bounded: calls, responses and faults, and the triple that ROS puts into responses.
+"""Bounded XML-RPC bodies: calls, responses and faults, and ROS's triple in responses.
 
 Marshalling is the standard library's; parsing goes through defusedxml, which refuses DTDs, entity declarations and
 external references.
@@ -69,7 +69,7 @@ def _encode(body: Body) -> str:
 
 
 class Decoder:
-    """Takes one body in pieces of any size."""
+    """Decodes one body from pieces of any size."""
 
     def __init__(self, max_bytes: int = DEFAULT_MAX_BODY_BYTES) -> None:
         self._max_bytes = max_bytes
@@ -93,7 +93,7 @@ class Decoder:
             raise XmlRpcError(f"not XML-RPC: {error!r}") from error
 
     def discard(self) -> None:
-        """Let go of what was taken: the parser, its target and all values refer to each other."""
+        """Release the parser, its target and all values, which refer to each other."""
         with suppress(Exception):
             self._parser.close()
 
@@ -143,7 +143,7 @@ class _BoundedUnmarshaller(xmlrpc.client.Unmarshaller):
 
 
 def result_of(body: Body) -> Any:
-    """Return the value out of ROS's `[code, message, value]`.
+    """Return the value in ROS's `[code, message, value]`.
 
     Raises:
         FaultError: the body is a fault.

@@ -1,1 +1,1 @@
-"""ROS 1's XML-RPC over asyncio: client, server and the dispatch of its methods."""
+"""ROS 1's XML-RPC over asyncio: client, server and method dispatch."""

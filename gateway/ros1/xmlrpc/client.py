@@ -26,7 +26,7 @@ IN_ALL: Final = 256
 
 
 class CallSlots:
-    """Has places for AT_A_HOST calls to each host, and for IN_ALL calls."""
+    """Limits concurrent calls to AT_A_HOST for each host, and to IN_ALL together."""
 
     def __init__(self) -> None:
         self._all = Semaphore(IN_ALL)
@@ -34,8 +34,8 @@ class CallSlots:
 
     @asynccontextmanager
     async def at(self, host: str) -> AsyncIterator[None]:
-        """Wait for a place and hold it for as long as the context lasts."""
-        at_host = self._at.setdefault(host, Semaphore(AT_A_HOST))  # there for as long as somebody waits or calls
+        """Wait for a slot and hold it while the context lasts."""
+        at_host = self._at.setdefault(host, Semaphore(AT_A_HOST))  # exists while somebody waits or calls
         async with at_host, self._all:
             yield
 
@@ -45,7 +45,7 @@ _HTTP_PORT: Final = 80
 
 
 class XmlRpcClient:
-    """One client for all peers; enter it before calling. Leaving it ends no call: whoever calls is its owner.
+    """One client for all peers; enter it before calling. Leaving it cancels no call: calls belong to their callers.
 
     resolver: what it looks up the peers' names with, for whoever connects to them too.
     """
@@ -66,7 +66,7 @@ class XmlRpcClient:
         self._places = None
 
     async def call(self, uri: str, method: str, *params: Any) -> Any:
-        """Return the value out of the peer's `[code, message, value]`.
+        """Return the value in the peer's `[code, message, value]`.
 
         Raises:
             UnreachableError: no answer within the deadline, or not HTTP's 200.
@@ -97,7 +97,7 @@ class XmlRpcClient:
         reader, writer = await self.resolver.connect(address.hostname, lambda host: asyncio.open_connection(host, port))
         try:
             writer.write(exchange.opening)
-            # What is here already is read without a pause, which others need.
+            # Reading available data does not yield to the event loop, but other tasks need their turn.
             while (body := exchange.receive_data(await reader.read(_PIECE_BYTES))) is None:  # noqa: ASYNC110
                 await asyncio.sleep(0)
         finally:

@@ -1,4 +1,4 @@
-"""One connection to an XML-RPC server, and the account of all of them: how many there are and what they hold."""
+"""Connections to an XML-RPC server, bounded in number and in the memory that they hold."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 class Connections:
-    """The open connections: at most `limit`, whose unfinished requests hold at most `max_held_bytes` together."""
+    """The open connections: at most `limit`, with at most `max_held_bytes` of unfinished requests together."""
 
     def __init__(self, *, limit: int, max_held_bytes: int) -> None:
         self._limit = limit
@@ -27,7 +27,7 @@ class Connections:
         self._held: dict[ServerConnection, int] = {}
 
     def admit(self, connection: ServerConnection) -> bool:
-        """Return whether there was a place."""
+        """Add a connection; return whether there was room for it."""
         if len(self._held) >= self._limit:
             log.warning("%s is turned away: %d connections already", connection.peer, self._limit)
             return False
@@ -35,7 +35,7 @@ class Connections:
         return True
 
     def hold(self, connection: ServerConnection, held_bytes: int) -> None:
-        """Take how much a connection holds by now; when all hold too much, the one that holds most is ended."""
+        """Set the bytes that a connection holds; when the total is too large, the largest holder is closed."""
         self._held[connection] = held_bytes
         if sum(self._held.values()) > self._max_held_bytes:
             most = max(self._held, key=self._held.__getitem__)
@@ -44,11 +44,11 @@ class Connections:
             most.abort()
 
     def forget(self, connection: ServerConnection) -> None:
-        """Take the end of a connection."""
+        """Remove a connection that has ended."""
         self._held.pop(connection, None)
 
     async def end(self, grace_s: float) -> None:
-        """End all connections and wait until they are closed; answers on their way have a moment to leave first."""
+        """End all connections and wait until they are closed, after a short grace period for pending answers."""
         connections = list(self._held)
         leaving = [connection.lost.wait() for connection in connections if connection.answered]
         try:
@@ -63,7 +63,7 @@ class Connections:
 
 
 class ServerConnection(asyncio.Protocol):
-    """Reads one call and sends one answer; what is no call is refused, and the rest of it read into nothing."""
+    """Reads one call and sends one answer; invalid requests are refused, and the rest of them is discarded."""
 
     def __init__(
         self, connections: Connections, answer: Callable[[MethodCall], bytes], *, timeout: float, max_body_bytes: int
@@ -113,7 +113,7 @@ class ServerConnection(asyncio.Protocol):
             call = self._exchange.receive_data(data)
         except WireError as error:
             log.warning("%s sent a request that is not XML-RPC: %s", self.peer, error)
-            # Closed with something unread, the peer might see its connection break and not the answer.
+            # If closed with unread data, the peer might see a broken connection instead of the answer.
             self._send(self._exchange.refuse(error.status if isinstance(error, HttpError) else 400)).write_eof()
             return
         if call is None:

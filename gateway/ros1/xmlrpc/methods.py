@@ -1,4 +1,4 @@
-"""The methods of a ROS API: found by name, and called only with parameters that fit them."""
+"""Method dispatch of a ROS API by name, with checked parameters."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Methods:
         self._signatures = {name: inspect.signature(handler, eval_str=True) for name, handler in handlers.items()}
 
     def call(self, method: str, params: tuple[Any, ...]) -> tuple[str, Any]:
-        """Answer one call. Whatever else a handler raises is its own mistake.
+        """Answer one call. Other exceptions of a handler are passed on.
 
         Raises:
             StatusError: the parameters do not fit, or the handler says so.

@@ -26,7 +26,7 @@ _SHUTDOWN_S: Final = 0.1
 
 
 class Api(Protocol):
-    """What answers calls; must not block."""
+    """The object that answers calls; it must not block."""
 
     def call(self, method: str, params: tuple[Any, ...]) -> tuple[str, Any]:
         """Return the message and the value of a successful answer.
@@ -66,7 +66,7 @@ class XmlRpcServer:
 
     @property
     def uri(self) -> str:
-        """Where others reach this server; known once entered."""
+        """The server's URI for other nodes; known once entered."""
         return f"http://{uri_host(self._host)}:{self._port}/"
 
     async def __aenter__(self) -> Self:
@@ -115,5 +115,5 @@ class XmlRpcServer:
             return Fault(1, str(error))
         except Exception:
             log.exception("%s failed", call.method[:80])
-            return MethodResponse([FAILURE, "internal failure", 0])  # what rosmaster and rospy say
+            return MethodResponse([FAILURE, "internal failure", 0])  # as rosmaster and rospy answer
         return MethodResponse([1, message, value])

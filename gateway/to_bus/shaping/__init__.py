@@ -1,1 +1,1 @@
-"""Between translation and the link: fewer frames, smaller, compressed, and no more than fit the uplink."""
+"""Shaping between translation and link: frame rate, scaling, compression and the uplink's budget."""

@@ -1,4 +1,4 @@
-"""Compressed frames: JPEG for colours, without loss for everything else. Pure.
+"""Compresses frames: JPEG for colour, lossless for everything else. Pure.
 
 What a method cannot hold is compressed by zstd instead: depth, 16 bits and mosaics are not for JPEG, and metres and
 points not for PNG. What arrived compressed stays as it is.
@@ -22,14 +22,14 @@ from schemas.image import BYTES_PER_PIXEL, ImageFrame
 from schemas.points import PointCloud
 
 LEVEL: Final = 1
-"""zlib's fastest: a robot's processor is dearer than the last few per cent."""
+"""zlib's fastest level: processor time on a robot is worth more than a few per cent of size."""
 
 _START: Final = b"\x89PNG\r\n\x1a\n"
 _COLOUR_TYPES: Final = {1: 0, 3: 2, 4: 6}
 
 
 def encode_png(pixels: NDArray[Any]) -> bytes:
-    """Return the file of height x width x 1, 3 or 4 pixels of 8 or 16 bits, grey or red first."""
+    """Return a PNG file of pixels height x width x 1, 3 or 4, of 8 or 16 bits, grey or red first."""
     height, width, channels = pixels.shape
     bits = pixels.dtype.itemsize * 8
     head = struct.pack(">IIBBBBB", width, height, bits, _COLOUR_TYPES[channels], 0, 0, 0)
@@ -40,7 +40,7 @@ def encode_png(pixels: NDArray[Any]) -> bytes:
 
 
 def _filtered(rows: NDArray[np.uint8], pixel: int) -> NDArray[np.uint8]:
-    """Return each row with its filter's number before it: as it is, less the pixel before, or less the row above.
+    """Return the PNG rows, each after its filter number: none, difference to the left, or to the row above.
 
     The filter that leaves the smallest differences is taken, as the standard suggests (12.8).
     """
@@ -78,7 +78,7 @@ Frame = ImageFrame | PointCloud
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """How frames are compressed. level: JPEG's quality or zstd's level; None for formats without."""
+    """A compression method. level: JPEG's quality or zstd's level; None for formats without."""
 
     format: str
     level: int | None = None
@@ -93,14 +93,14 @@ LOSSY: Final = Method(JPEG, LEVELS[JPEG][1])
 
 
 def parse_method(text: str) -> Method:
-    """Read a method as the settings write it, like `jpeg:80`.
+    """Return the method for its text in the settings, like `jpeg:80`.
 
     Raises:
         ValueError: naming what can be written.
     """
     match = _METHOD.fullmatch(text)
     if match is None or (match[2] and match[1] not in LEVELS):
-        raise ValueError(f"{text!r} is none of auto, raw, jpeg, jpeg:QUALITY, png, zstd, zstd:LEVEL")
+        raise ValueError(f"{text!r} is not one of auto, raw, jpeg, jpeg:QUALITY, png, zstd, zstd:LEVEL")
     if match[1] not in LEVELS:
         return Method(match[1])
     least, usual, most = LEVELS[match[1]]
@@ -111,7 +111,7 @@ def parse_method(text: str) -> Method:
 
 
 def compress(frame: Frame, method: Method) -> tuple[Frame, Method]:
-    """Return the frame compressed, and by which method in the end."""
+    """Return the compressed frame, and the method that was used."""
     if frame.format != RAW or method.format == RAW:
         return frame, Method(frame.format)
     if isinstance(frame, ImageFrame) and method.format == JPEG and frame.encoding in {*_JPEG_SPACES, "yuv422"}:
@@ -135,7 +135,7 @@ def _jpeg(frame: ImageFrame, method: Method) -> ImageFrame:
 
 
 def _planes(uyvy: NDArray[Any]) -> list[NDArray[np.uint8]]:
-    """Return brightness and colours in JPEG's full range; cameras leave room below black and above white."""
+    """Return luma and chroma scaled to JPEG's full range from a camera's limited range."""
     return [_FULL_LUMA[uyvy[..., 1]], _FULL_CHROMA[uyvy[:, 0::2, 0]], _FULL_CHROMA[uyvy[:, 1::2, 0]]]
 
 

@@ -1,4 +1,4 @@
-"""Who subscribes to a robot's streams: whether all of them are on this machine, and how much they can use."""
+"""Tracks consumers of a robot's streams: whether all are on this machine, and the rates they can use."""
 
 import ipaddress
 import logging
@@ -20,7 +20,7 @@ MAX_BUDGETS: Final = 10_000
 SECOND_NS: Final = 1_000_000_000
 
 LATE: Final = 0.7
-"""By how much of a turn a frame may come too late without putting off the next one."""
+"""Fraction of an interval by which a frame may be late without delaying the next one."""
 
 
 class Allowance:
@@ -32,7 +32,7 @@ class Allowance:
         self._longest_ns = 0
 
     def say(self, budget: RateBudget, now_ns: int) -> None:
-        """Take a consumer's word; one that says nothing new puts no frame forward."""
+        """Set a consumer's rate; repeating it does not bring the next frame forward."""
         hz = math.inf if budget.hz is None else budget.hz
         if hz == self.hz and not budget.wait_s:
             return
@@ -41,10 +41,10 @@ class Allowance:
         self._due_ns = now_ns + self._longest_ns
 
     def passes(self, now_ns: int) -> bool:
-        """Return whether a frame is sent that is here now."""
+        """Return whether a frame that arrives now is sent."""
         if math.isinf(self.hz):
             return True
-        if 0 < self._due_ns - now_ns <= self._longest_ns:  # a longer wait than there ever is: the clock was set back
+        if 0 < self._due_ns - now_ns <= self._longest_ns:  # a longer wait is impossible: the clock was set back
             return False
         turn_ns = round(SECOND_NS / self.hz)
         on_time_ns = self._due_ns if 0 <= now_ns - self._due_ns <= LATE * turn_ns else now_ns
@@ -53,7 +53,7 @@ class Allowance:
 
 
 class Budgets:
-    """What consumers said. A word counts while its consumer wants the stream; the newest MAX_BUDGETS are remembered.
+    """Rates that consumers requested, valid while they want the stream; the newest MAX_BUDGETS are remembered.
 
     A word can come when its consumer's token has gone already, and is then forgotten only to make room.
     """
@@ -62,7 +62,7 @@ class Budgets:
         self._allowances: dict[tuple[SensorKey, str], Allowance] = {}
 
     def say(self, camera: CameraKey, budget: RateBudget, now_ns: int) -> None:
-        """Take a consumer's word on a camera.
+        """Set a consumer's rate for a camera.
 
         Raises:
             SchemaError: it is on another camera, or on no stream of it.
@@ -79,11 +79,11 @@ class Budgets:
             del self._allowances[next(iter(self._allowances))]
 
     def forget(self, wanted: Wanted) -> None:
-        """Forget what a consumer said who no longer wants a stream."""
+        """Forget the rate of a consumer that no longer wants a stream."""
         self._allowances.pop((wanted.key, wanted.consumer), None)
 
     def passes(self, key: StreamKey, consumers: Iterable[Wanted], now_ns: int) -> bool:
-        """Return whether a frame is sent: whenever the consumer that can use most has a use for it.
+        """Return whether a frame is sent: whenever any consumer can use it.
 
         consumers: all that are known to want the stream. One that never said how much it can use can use all, and so
         can who is not known, if nobody is.
@@ -101,7 +101,7 @@ log = logging.getLogger(__name__)
 
 
 class Consumers:
-    """What consumers say of themselves, by their tokens and budgets.
+    """Consumers of the robot's streams, from their tokens and budgets.
 
     clock_id: this machine's. near: whether what this process sends to one on the same machine stays on it.
     """
@@ -115,7 +115,7 @@ class Consumers:
         self._budgets = Budgets()
 
     def passes(self, key: StreamKey, now_ns: int) -> bool:
-        """Return whether a frame that is here now is sent: not if it is more than anybody can use.
+        """Return whether a frame that arrives now is sent: not if it exceeds the rates of all consumers.
 
         now_ns: nanoseconds since the epoch.
         """
@@ -123,12 +123,12 @@ class Consumers:
         return known is None or self._budgets.passes(key, known, now_ns)
 
     def all_here(self, key: SensorKey) -> bool:
-        """Return whether everybody who says to subscribe to the stream is on this machine, and somebody does."""
+        """Return whether the stream has announced consumers, and all of them are on this machine."""
         known = self._known.get(key)
         return self._near and bool(known) and all(each.clock_id == self._clock_id for each in known or ())
 
     def note(self, presence: Presence) -> None:
-        """Take in that a token appeared or vanished."""
+        """Note that a consumer's token appeared or vanished."""
         try:
             wanted = consumer_keys.parse_wanted(presence.key)
         except SchemaError as error:
@@ -146,7 +146,7 @@ class Consumers:
             del self._known[wanted.key]
 
     def note_budget(self, sample: Sample) -> None:
-        """Take in how much a consumer can use."""
+        """Note the rate that a consumer can use."""
         try:
             budget = codec.decode(RateBudget, sample.payload, sample.encoding)
             self._budgets.say(consumer_keys.parse_budget(sample.key), budget, sample.received_ns)
@@ -154,7 +154,7 @@ class Consumers:
             log.warning("%s: budget left out: %s", sample.key[:200], error)
 
     async def follow(self, bus: Bus) -> None:
-        """Take in who comes and goes and what they can use, for ever."""
+        """Follow consumers' tokens and budgets, forever."""
         async with TaskGroup() as group:
             group.create_task(self._follow_tokens(bus))
             group.create_task(self._follow_budgets(bus))
@@ -171,7 +171,7 @@ class Consumers:
 
 
 def stays_near(settings: BusSettings) -> bool:
-    """Return whether two processes on this machine reach each other without its network: not by way of a far router."""
+    """Return whether processes on this machine connect locally, not by way of a remote router."""
     return settings.mode != "client" or (bool(settings.connect) and all(map(_is_loopback, settings.connect)))
 
 

@@ -1,4 +1,4 @@
-"""Where frames are scaled and compressed: off the event loop, one at a time."""
+"""Scales and compresses frames off the event loop, one at a time."""
 
 import asyncio
 from collections.abc import Callable, Hashable, Iterator
@@ -17,7 +17,7 @@ from schemas.image import ImageFrame
 
 @dataclass(frozen=True, slots=True)
 class Shaped:
-    """A payload, how it is compressed, and the moment of the job that it is of."""
+    """A shaped payload, its compression, and the moment of its job."""
 
     payload: bytes
     method: Method
@@ -26,7 +26,7 @@ class Shaped:
 
 @dataclass(frozen=True, slots=True)
 class EncodeJob:
-    """A frame, what is to be done to it, and what it shares with frames of other streams."""
+    """A frame, the work to do on it, and the moment that it shares with frames of other streams."""
 
     frame: Frame
     factor: int
@@ -34,7 +34,7 @@ class EncodeJob:
     moment: Moment | None = None
 
     def do(self) -> Shaped:
-        """Do it; may take a while.
+        """Do the work; may take a while.
 
         Raises:
             ShapingError: the frame cannot be scaled.
@@ -47,17 +47,17 @@ class EncodeJob:
 
 
 class EncoderClient(Hashable, Protocol):
-    """Who brings frames and is told what became of them, on the event loop."""
+    """A client of the encoder pool, called back on the event loop."""
 
     def shaped(self, made: Shaped) -> None:
-        """Take a frame's payload."""
+        """Receive a frame's payload."""
 
     def spoilt(self, error: Exception) -> None:
-        """Learn that a frame could not be shaped, and why."""
+        """Receive the reason why a frame could not be shaped."""
 
 
 class EncoderPool:
-    """Keeps of each customer the newest frame that waits, serves them in turn, and keeps each one's order."""
+    """Keeps the newest waiting frame of each client, and serves clients in turn, each one's frames in order."""
 
     def __init__(self) -> None:
         self._jobs: PerKey[EncoderClient, EncodeJob] = PerKey()
@@ -65,16 +65,16 @@ class EncoderPool:
         self._serving: EncoderClient | None = None
 
     def bring(self, customer: EncoderClient, job: EncodeJob) -> int:
-        """Let a frame wait; return how many it replaced."""
+        """Queue a frame; return the number of frames it replaced."""
         self._brought.set()
         return self._jobs.offer(customer, job)
 
     def is_busy_for(self, customer: EncoderClient) -> bool:
-        """Return whether a frame of the customer waits or is being shaped."""
+        """Return whether a frame of the client waits or is being shaped."""
         return customer is self._serving or customer in self._jobs
 
     def leave(self, customer: EncoderClient) -> int:
-        """Forget a customer, who is told nothing more; return how many frames of it were waiting or being shaped."""
+        """Forget a client without further callbacks; return the number of its frames waiting or being shaped."""
         left = len(self._jobs.discard(customer))
         if customer is self._serving:
             self._serving = None
@@ -82,7 +82,7 @@ class EncoderPool:
         return left
 
     async def run(self) -> None:
-        """Work, for ever."""
+        """Shape frames, forever."""
         with _thread() as executor:
             while True:
                 while (taken := self._jobs.take()) is None:
@@ -108,7 +108,7 @@ class EncoderPool:
 
 @contextmanager
 def _thread() -> Iterator[Executor]:
-    """Give the work a thread of its own; leaving does not wait for a frame that is being shaped."""
+    """Run the work in a thread of its own; leaving does not wait for a frame that is being shaped."""
     executor = ThreadPoolExecutor(1, thread_name_prefix="shaping")
     try:
         yield executor

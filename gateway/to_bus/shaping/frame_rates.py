@@ -1,4 +1,4 @@
-"""Which instants of a camera are sent when there are more than wanted: the same ones on all of its streams. Pure."""
+"""Limits a camera's frame rate by picking the same instants on all of its streams. Pure."""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Collection, Sequence
@@ -11,14 +11,14 @@ from gateway.to_bus.shaping.token_bucket import SECOND_NS, TokenBucket
 from gateway.to_bus.shaping.uplink import Moment
 
 KEPT: Final = 16
-"""How many of the last frames it is told by: a stream that is slower or faster now is followed after these."""
+"""Number of last frames that the rhythm is fitted to; after these it follows a change of rate."""
 
 AHEAD: Final = 8
-"""For so many frames ahead it is told."""
+"""Number of frames ahead for which the rhythm predicts."""
 
 
 class Rhythm:
-    """The line through the last frames of a stream, some of which may have been lost.
+    """The line fitted through the last frames of a stream, of which some may be lost.
 
     Stamps need not be even: depth often has the nearest ones of a faster stream.
     """
@@ -28,7 +28,7 @@ class Rhythm:
         self._line: tuple[int, int] | None = None
 
     def note(self, stamp_ns: int) -> None:
-        """Take a frame's stamp; where it is not after the last one, nothing is known any more."""
+        """Add a frame's stamp; if it is not after the last one, start over."""
         if self._stamps and stamp_ns <= self._stamps[-1]:
             self._stamps.clear()
         self._stamps.append(stamp_ns)
@@ -36,11 +36,11 @@ class Rhythm:
 
     @property
     def interval_ns(self) -> int:
-        """How far apart frames are, those among them that were lost; 0 while nobody knows."""
+        """The interval between frames, lost ones included, in nanoseconds; 0 while unknown."""
         return self._fitted()[1]
 
     def next_ns(self, since_ns: int) -> int | None:
-        """Return when the first frame not before a time is to be expected; None where that is too far away to tell."""
+        """Return when the first frame at or after a time is expected; None if too far away to tell."""
         last_ns, interval_ns = self._fitted()
         if not interval_ns:
             return None
@@ -48,7 +48,7 @@ class Rhythm:
         return last_ns + frames * interval_ns if abs(frames) <= AHEAD else None
 
     def _fitted(self) -> tuple[int, int]:
-        """Return where on the line the last frame is, and the interval."""
+        """Return the fitted stamp of the last frame, and the interval, in nanoseconds."""
         if self._line is None:
             self._line = _fit(self._stamps) if len(self._stamps) > 1 else (0, 0)
         return self._line
@@ -63,31 +63,31 @@ def _fit(stamps: Sequence[int]) -> tuple[int, int]:
 
 
 SAME_NS: Final = 5_000_000
-"""Stamps that differ by no more are one instant."""
+"""Largest difference of stamps of one instant."""
 
 EARLY_NS: Final = 10_000_000
-"""How much jitter brings a frame before its turn."""
+"""Time by which jitter may bring a frame before its turn."""
 
 JUMP_NS: Final = SECOND_NS
 """A stream whose stamps go back by more has started over: a bag loops, or a simulation is reset."""
 
 ALONE: Final = 8
-"""After so many frames at instants that no other stream of the camera had, a stream decides for itself."""
+"""Frames at instants of its own after which a stream is picked from independently."""
 
 SLOWER: Final = 1.5
-"""How many times as far apart as another's the frames of a stream are that is waited for."""
+"""Ratio of intervals from which a turn waits for the slower stream."""
 
 TOGETHER: Final = ""
-"""Whose turn it is when a camera's streams take theirs together."""
+"""Owner of the turns that a camera's streams take together."""
 
 REMEMBERED: Final = 256
 CROWDED: Final = 16
-"""How many instants of the same SAME_NS are remembered."""
+"""Most instants remembered per SAME_NS."""
 
 
 @dataclass(slots=True)
 class _Instant:
-    """streams: who had a frame of it. picked: by rate, whether it is sent."""
+    """One instant. streams: those with a frame of it. picked: whether it is sent, by rate."""
 
     stamp_ns: int
     moment: Moment
@@ -96,7 +96,7 @@ class _Instant:
 
 
 class _Run:
-    """Instants of stamps that only went forward, and by owner and rate when the next one may be picked."""
+    """Instants with increasing stamps, and the next due time by owner and rate."""
 
     def __init__(self, begin: Callable[[], Moment]) -> None:
         self._begin = begin
@@ -133,7 +133,7 @@ class _Run:
     def take_turn(self, owner: str, rate: float, stamp_ns: int, awaited: Collection[int] = ()) -> bool:
         """Return whether the owner's turn has come; turns are 1 / rate seconds apart.
 
-        awaited: stamps to come that are worth more; a turn is not taken that would leave none for one of them.
+        awaited: later stamps with priority; a turn is not taken if it would leave none for one of them.
         A frame may come a little before its turn, and one that comes late does not put off the next turn, so that a
         camera as fast as the rate loses none to jitter. As both together are less than a turn, no time of n turns has
         more than n + 1 frames. A turn that is far off was given by a stream with another clock: it does not count.
@@ -158,7 +158,7 @@ def _forget_oldest(known: OrderedDict[Any, Any]) -> None:
 
 @dataclass(slots=True)
 class _Stream:
-    """What is known of a stream.
+    """State of a stream.
 
     limit: on what it sends. alone, missed: since it last met another, its frames that met none, and those of others
     that did not meet it.
@@ -173,12 +173,12 @@ class _Stream:
 
     @property
     def rate(self) -> float:
-        """The most frames a second of it."""
+        """The stream's limit in frames a second."""
         return self.limit.hz
 
     @property
     def is_alone(self) -> bool:
-        """Whether its frames never are of others' instants. If others have fewer, that are all of its own, they are."""
+        """Whether its frames never share instants with others, nor others' frames with it."""
         return min(self.alone, self.missed) > ALONE
 
 
@@ -188,7 +188,7 @@ class Instants:
     Stamps say which instants, and the clock of this machine how many: stamps that step back, that come from several
     clocks at once or that run ahead of it, as those of a bag that is played fast, have no more frames sent.
 
-    Whoever has the first frame of an instant decides on it, and that holds for all: whatever a stream missed, it sends
+    The stream with the first frame of an instant decides for all streams: whatever a stream missed, it sends
     no frame whose instant another stream left out, nor the other way round. What is picked at a lower rate is picked at
     a higher one too. A stream whose stamps are never those of the others is picked from by itself. Where streams are
     slower than others, a turn waits for the instant at which the slowest is to be expected.
@@ -218,7 +218,7 @@ class Instants:
         return True
 
     def moment(self, stream: str, stamp_ns: int, received_ns: int) -> Moment | None:
-        """Return what a stream's frame shares with those of other streams; None where it never is of their instants.
+        """Return the moment that a stream's frame shares with other streams; None if it never shares instants.
 
         stamp_ns, received_ns: see `pick`.
         """
@@ -241,7 +241,7 @@ class Instants:
         return state, instant
 
     def _follow_clock(self, state: _Stream, stamp_ns: int) -> None:
-        """Begin a new run when a stream's clock goes back; streams whose clock has not yet stay in the old one."""
+        """Begin a new run when a stream's clock goes back; the other streams stay in the old one until theirs does."""
         if stamp_ns < state.last_ns - JUMP_NS:
             if state.run is self._newest:
                 self._newest = _Run(self._moment)
@@ -279,7 +279,7 @@ class Instants:
             instant.picked.setdefault(rate, picked)
 
     def _awaited(self, state: _Stream, stamp_ns: int) -> list[int]:
-        """Return when those are to be expected next that are slower than all that an instant is to be expected of.
+        """Return the next expected stamps of streams slower than all streams that are due at this instant.
 
         state: the stream that has the instant's first frame. Of its frames the nearest to another's is that one's.
         """
@@ -296,7 +296,7 @@ class Instants:
 
 
 class StreamRate:
-    """The share of one stream in its camera's instants. max_hz may be changed at any time; None sends all.
+    """The rate limit of one stream in its camera's instants. max_hz may change at any time; None sends all.
 
     instants: returns the camera's, which may be others when the stream was away.
     """

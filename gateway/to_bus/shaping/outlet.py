@@ -1,4 +1,4 @@
-"""The last step of a stream in the gateway: shaped as the settings say, its messages go to their publisher."""
+"""The last step of a stream in the gateway: shapes its messages and passes them to their publisher."""
 
 import logging
 from collections import Counter
@@ -25,14 +25,14 @@ from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, TOO_LARG
 
 @dataclass(frozen=True, slots=True)
 class OutletCounts:
-    """Drops by reason, payload bytes sent, and how the last frame was compressed: empty for what is no frame."""
+    """Drops by reason, payload bytes sent, and the last frame's compression; empty for other messages."""
 
     dropped: Mapping[str, int] = field(default_factory=dict)
     bytes: int = 0
     compression: str = ""
 
     def __add__(self, other: Self) -> "OutletCounts":
-        """Return what became of the messages of both."""
+        """Return the sum of the counts of both."""
         return OutletCounts(
             Counter(self.dropped) + Counter(other.dropped),
             self.bytes + other.bytes,
@@ -43,12 +43,12 @@ class OutletCounts:
 log = logging.getLogger(__name__)
 
 LARGEST: Final = max(codec.MAX_BYTES.values())
-"""What any receiver reads at most, in bytes."""
+"""Largest payload that a receiver reads, in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class OutletPlan:
-    """What is to be done to a stream.
+    """The shaping of a stream.
 
     all_here: whether nobody elsewhere listens. droppable: whether its messages wait for the uplink's budget. moment_of:
         what a frame with such a header shares with those of other streams, or None.
@@ -61,14 +61,14 @@ class OutletPlan:
     moment_of: Callable[[Header], Moment | None] = lambda _: None
 
     def method_now(self) -> Method:
-        """Return how the next frame is compressed."""
+        """Return the method for the next frame."""
         if self.method.format != AUTO:
             return self.method
         return NONE if self.all_here() else LOSSY
 
 
 class Outlet:
-    """Takes a stream's messages. Raw frames go straight on, and so does everything that is no frame."""
+    """Takes a stream's messages. Raw frames and messages other than frames are passed on directly."""
 
     def __init__(
         self,
@@ -90,11 +90,11 @@ class Outlet:
 
     @property
     def counts(self) -> OutletCounts:
-        """What became of the messages so far."""
+        """Counts of the messages so far."""
         return OutletCounts(+self._dropped, self._bytes, self._compression)
 
     def put(self, message: codec.Message, *, may_be_last: bool = False) -> None:
-        """Send a message, now or when it is shaped and the uplink's budget allows it.
+        """Send a message, now or once it is shaped and the uplink's budget allows.
 
         may_be_last: it is left out for none but a newer one, not for other streams' later instants.
         """
@@ -127,7 +127,7 @@ class Outlet:
         log.warning("%s: frame left out: %s", self._key, error)
 
     def _pass_on_in_order(self, payload: Payload) -> None:
-        """Send what is no frame: as far as the budget may hold it up at all, it waits behind what came before."""
+        """Send a message other than a frame; if the budget applies to it, it waits behind earlier ones."""
         if not self._fits(payload):
             return
         if self._pacer is None or self._queue is None:
@@ -153,7 +153,7 @@ class Outlet:
             self._dropped[OVER_BUDGET] += self._pacer.offer(self, payload, self._send, moment=moment, lose=self._lose)
 
     def _fits(self, payload: Payload) -> bool:
-        """Return whether receivers read a payload of such a size; count it otherwise."""
+        """Return whether receivers read a payload of this size; count it as dropped if not."""
         if len(payload) <= LARGEST:
             return True
         self._dropped[TOO_LARGE] += 1
@@ -173,7 +173,7 @@ class Outlet:
         self._publisher.put(payload)
 
     def close(self) -> None:
-        """Send nothing more, and count what was not sent yet."""
+        """Stop sending, and count waiting messages as dropped."""
         if self._workshop is not None:
             self._dropped[ENDED] += self._workshop.leave(self)
         if self._pacer is not None:
@@ -183,10 +183,10 @@ class Outlet:
 
 
 OutletOf = Callable[[SensorKey, Publisher], AbstractContextManager[Outlet]]
-"""Opens the way of a stream's messages to one of its publishers."""
+"""Opens the outlet of a stream to one of its publishers."""
 
 
 @contextmanager
 def unshaped(key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
-    """Send a stream's messages as they are."""
+    """Open an outlet that sends a stream's messages unshaped."""
     yield Outlet(key, publisher, OutletPlan())

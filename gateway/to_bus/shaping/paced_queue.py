@@ -1,4 +1,4 @@
-"""Messages of one stream that wait in order for the uplink's budget."""
+"""A queue of one stream's messages that wait in order for the uplink's budget."""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,11 +8,11 @@ from bus import SMALL_BYTES, SMALL_WAITING, Payload
 from gateway.to_bus.shaping.uplink_pacer import Pacer
 
 WAITING_BYTES: Final = 128 << 10
-"""What the small messages that wait have together at most: on a link of 1 Mbit/s they are then a second old."""
+"""Most bytes of waiting small messages: a second's worth on a link of 1 Mbit/s."""
 
 
 class PacedQueue:
-    """The newest messages wait: SMALL_WAITING of them, of WAITING_BYTES; a larger one than SMALL_BYTES replaces all."""
+    """Holds the newest SMALL_WAITING messages of up to WAITING_BYTES; one over SMALL_BYTES replaces all."""
 
     def __init__(self, pacer: Pacer, send: Callable[[Payload], None]) -> None:
         self._pacer = pacer
@@ -20,7 +20,7 @@ class PacedQueue:
         self._waiting: deque[Payload] = deque()
 
     def put(self, payload: Payload) -> int:
-        """Send a message as soon as the budget allows; return how many older ones are lost by that."""
+        """Send a message as soon as the budget allows; return the number of older ones dropped for it."""
         lost = 0
         while self._waiting and not self._has_room(len(payload)):
             self._waiting.popleft()
@@ -31,13 +31,13 @@ class PacedQueue:
         return lost
 
     def flush(self) -> None:
-        """Send at once what waits: nobody is reached by way of the link."""
+        """Send waiting messages at once: no receiver is behind the link."""
         self._pacer.discard(self)
         while self._waiting:
             self._send(self._waiting.popleft())
 
     def close(self) -> int:
-        """Send nothing more; return how many messages waited."""
+        """Stop sending; return the number of messages that waited."""
         self._pacer.discard(self)
         left = len(self._waiting)
         self._waiting.clear()
@@ -48,7 +48,7 @@ class PacedQueue:
         return size <= SMALL_BYTES and len(self._waiting) < SMALL_WAITING and sum(small) + size <= WAITING_BYTES
 
     def _offer_first(self) -> None:
-        """Let the oldest wait in the pacer, alone or in the place of one that was lost."""
+        """Offer the oldest message to the pacer, replacing one that was dropped."""
         self._pacer.offer(self, self._waiting[0], self._send_first)
 
     def _send_first(self, payload: Payload) -> None:

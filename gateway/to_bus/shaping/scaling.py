@@ -1,4 +1,4 @@
-"""Smaller pictures by whole factors, and the calibration that goes with them. Pure.
+"""Scales images down by whole factors, and their calibration with them. Pure.
 
 Colour is averaged over blocks. Depth is taken from the middle of each block: the mean across an edge is nowhere. Of a
 mosaic every n-th cell of 2 x 2 is kept, so that it stays one. What fills no block at the right or bottom is cut off.
@@ -18,7 +18,7 @@ _CHANNELS: Final = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "yuv422": 2}
 
 
 def pixels_of(frame: ImageFrame) -> NDArray[Any]:
-    """Return a raw frame's pixels, height x width x channels, as a view; 16 and 32 bits in their own byte order."""
+    """Return a view of a raw frame's pixels, height x width x channels, in the frame's byte order."""
     size = BYTES_PER_PIXEL[frame.encoding]
     rows = np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.step)
     pixels = rows[:, : frame.width * size].reshape(frame.height, frame.width, size)
@@ -29,7 +29,7 @@ def pixels_of(frame: ImageFrame) -> NDArray[Any]:
 
 
 def with_pixels(frame: ImageFrame, pixels: NDArray[Any]) -> ImageFrame:
-    """Return the frame with other pixels of the same kind, rows without padding."""
+    """Return the frame with new pixels of the same type, rows without padding."""
     height, width = pixels.shape[:2]
     packed: Any = np.ascontiguousarray(pixels)
     return msgspec.structs.replace(
@@ -55,7 +55,7 @@ def scale_image(frame: ImageFrame, factor: int) -> ImageFrame:
         ShapingError: it is compressed already, or too small.
     """
     if frame.format != RAW:
-        raise ShapingError(f"a {frame.format} that arrived as one cannot be scaled: name the raw topic, or no scale")
+        raise ShapingError(f"a {frame.format} that arrived as one cannot be scaled: use the raw topic, or set no scale")
     pixels = pixels_of(frame)
     if frame.encoding in DEPTH_ENCODINGS:
         made = _middles(pixels, factor)
@@ -88,7 +88,7 @@ def _cells(pixels: NDArray[Any], factor: int) -> NDArray[Any]:
 
 
 def _uyvy(pixels: NDArray[Any], factor: int) -> NDArray[Any]:
-    """Scale brightness and the two colours, of which each pair of pixels has one, each by itself."""
+    """Scale luma and the two chroma channels, shared by pairs of pixels, separately."""
     colours = [_averages(pixels[:, place::2, 0], factor) for place in (0, 1)]
     height, pairs = colours[0].shape
     made = np.empty((height, pairs * 2, 2), np.uint8)
@@ -112,7 +112,7 @@ def _averages(pixels: NDArray[Any], factor: int) -> NDArray[Any]:
 
 
 def scale_info(info: CameraInfo, factor: int, *, depth: bool) -> CameraInfo:
-    """Return the calibration of the scaled picture, exact for averaged colour or, with `depth`, for depth.
+    """Return the calibration of the scaled image, exact for averaged colour or, with `depth`, for depth.
 
     Binning stays the camera's own: k, p, size and region are those of a camera that bins as before and sees less sharp.
     """
@@ -138,12 +138,12 @@ def scale_info(info: CameraInfo, factor: int, *, depth: bool) -> CameraInfo:
 
 
 def _binned(size: int, binning: int, factor: int) -> int:
-    """Return the unbinned size of a scaled picture whose own size is whole pixels."""
+    """Return the unbinned size for which the scaled image has whole pixels."""
     return size // binning // factor * binning
 
 
 def _projected(matrix: list[float], columns: int, factor: int, move_x: float, move_y: float) -> list[float]:
-    """Scale and move the first two rows of a projection; one that is all zeros says that nothing is known."""
+    """Scale and shift the first two rows of a projection; all zeros stand for an unknown one."""
     if not any(matrix):
         return matrix
     made = np.array(matrix, np.float64).reshape(3, columns)

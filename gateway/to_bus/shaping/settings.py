@@ -1,4 +1,4 @@
-"""Settings of what becomes of frames on their way to the link."""
+"""Settings of rates, scaling, compression and the uplink's budget."""
 
 import math
 import re
@@ -29,7 +29,7 @@ def _hz(text: str) -> float:
     except ValueError:
         value = math.nan
     if not LEAST_HZ <= value <= MOST_HZ:
-        raise ValueError(f"{text!r} is no rate; use {LEAST_HZ:g} to {MOST_HZ:g} Hz")
+        raise ValueError(f"{text!r} is not a rate; use {LEAST_HZ:g} to {MOST_HZ:g} Hz")
     return value
 
 
@@ -41,12 +41,12 @@ def _factor(text: str) -> int:
     except (ValueError, ZeroDivisionError):
         inverse = math.nan
     if not 1 <= inverse <= MAX_FACTOR or abs(inverse - round(inverse)) > inverse / 100:
-        raise ValueError(f"{text!r} is no scale; use 1, 1/2 (or 0.5), 1/3, 1/4 ... 1/{MAX_FACTOR}")
+        raise ValueError(f"{text!r} is not a scale; use 1, 1/2 (or 0.5), 1/3, 1/4 ... 1/{MAX_FACTOR}")
     return round(inverse)
 
 
 def _listed(given: Any) -> Any:
-    """Let files say one value or a mapping, where the command line has a list."""
+    """Accept one value or a mapping from a file where the command line has a list."""
     match given:
         case Mapping():
             return [f"{pattern}={value}" for pattern, value in given.items()]
@@ -60,7 +60,7 @@ def _listed(given: Any) -> Any:
 
 
 def _rules(given: Sequence[str], parse: Callable[[str], V], streams: Sequence[str]) -> list[tuple[str, V]]:
-    """Return (pattern, value); an empty pattern stands for every one of `streams`, which cameras have."""
+    """Return (pattern, value) pairs; an empty pattern stands for all of `streams` of cameras."""
     found = []
     for each in given:
         pattern, _, value = each.strip().rpartition("=")
@@ -69,7 +69,7 @@ def _rules(given: Sequence[str], parse: Callable[[str], V], streams: Sequence[st
         except ValueError as error:
             raise ValueError(f"{error}{f' (for {pattern})' if pattern else ''}") from error
         if "=" in each and not _fits_any(pattern.strip(), streams):
-            raise ValueError(f"{pattern.strip()!r} fits no stream that this is for, like front/{', '.join(streams)}")
+            raise ValueError(f"{pattern.strip()!r} matches no stream this applies to, like front/{', '.join(streams)}")
     return found
 
 
@@ -79,7 +79,7 @@ def _fits_any(pattern: str, streams: Sequence[str]) -> bool:
 
 
 def _of(rules: Sequence[tuple[str, V]], name: str, otherwise: V) -> V:
-    """Return the value of the last rule that fits the stream."""
+    """Return the value of the last rule that matches the stream."""
     camera_has = name.rpartition("/")[2] in FRAMES and not name.startswith(f"{ROS}/")
     fitting = [value for pattern, value in rules if (fnmatchcase(name, pattern) if pattern else camera_has)]
     return fitting[-1] if fitting else otherwise
@@ -97,7 +97,7 @@ LIMITED: Final = (*FRAMES, ROS)
 
 
 class ShapingSettings(BaseModel):
-    """Fields on the rates, sizes and formats of streams."""
+    """Settings of the rates, sizes and formats of streams."""
 
     heading: ClassVar = "rates, sizes and formats"
 
@@ -138,9 +138,9 @@ class ShapingSettings(BaseModel):
     ] = None
 
     def unused_shaping(self, names: Collection[str]) -> Iterator[str]:
-        """Yield what is asked for of streams of which none has one of these names, like `--max-hz fornt/color`.
+        """Yield the rules that match none of these streams, like `--max-hz fornt/color`.
 
-        What is asked for of every camera's streams is for those that there will be.
+        Rules for every camera's streams also apply to future cameras, so they are not yielded.
         """
         asked = {"--max-hz": self.max_hz, "--scale": self.scale, "--compression": self.compression}
         for option, rules in asked.items():
@@ -149,13 +149,13 @@ class ShapingSettings(BaseModel):
                     yield f"{option} {pattern}"
 
     def max_hz_of(self, name: str) -> float | None:
-        """Return the most frames a second of a stream named like `front/depth`."""
+        """Return the limit in frames a second of a stream named like `front/depth`, or None."""
         return _of(_rules(self.max_hz, _hz, LIMITED), name, None)
 
     def factor_of(self, name: str) -> int:
-        """Return by what whole number a stream's images are made smaller."""
+        """Return the whole factor by which a stream's images are scaled down."""
         return _of(_rules(self.scale, _factor, IMAGES), name, 1)
 
     def method_of(self, name: str) -> Method:
-        """Return how a stream's frames are compressed."""
+        """Return the compression method of a stream's frames."""
         return _of(_rules(self.compression, parse_method, FRAMES), name, Method("auto"))

@@ -1,4 +1,4 @@
-"""All shaping of one gateway process."""
+"""Connects all shaping of one gateway process."""
 
 import asyncio
 from collections import defaultdict
@@ -25,7 +25,7 @@ _SCALED_LIKE = {Stream.INFO: Stream.COLOR, Stream.DEPTH_INFO: Stream.DEPTH}
 
 @dataclass(slots=True)
 class _Shared:
-    """What a camera's streams share: the instants that their rates pick from, and those that the uplink sends together.
+    """State shared by a camera's streams: instants for their rates, and moments for the uplink.
 
     outlets: how many are open.
     """
@@ -36,7 +36,7 @@ class _Shared:
 
 
 class Shaping:
-    """What the streams of one gateway share: each camera's instants, the workshop, the uplink, and who listens.
+    """State shared by a gateway's streams: each camera's instants, the encoder pool, the uplink and consumers.
 
     A camera's instants are there while one of its outlets is open: names of cameras come and go with a robot's nodes.
     """
@@ -49,21 +49,21 @@ class Shaping:
         self._pacer = None if settings.uplink_mbit is None else Pacer(settings.uplink_mbit)
 
     def thinning(self, key: SensorKey) -> StreamRate | None:
-        """Return what leaves out a stream's frames beyond its rate; None where nothing ever may be."""
+        """Return the rate limiter of a stream; None if none of its messages may be dropped."""
         if not kind_of(key).is_droppable:
             return None
         sharing = _sharing(key)
         return StreamRate(lambda: self._shared[sharing].picked, key.stream, self._settings.max_hz_of(key.name))
 
     def useful(self, key: SensorKey) -> Callable[[int], bool]:
-        """Return what tells whether a stream's frame that is here at a time, in ns since the epoch, can be used."""
+        """Return a predicate: can a consumer use a stream's frame that arrives at a time, in ns since the epoch?"""
         if not isinstance(key, StreamKey):
             return lambda _: True
         return lambda now_ns: self._consumers.passes(key, now_ns)
 
     @contextmanager
     def outlet(self, key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
-        """Open the way of a stream's messages to its publisher."""
+        """Return the outlet of a stream's messages to its publisher."""
         outlet = Outlet(key, publisher, self._plan(key), self._workshop, self._pacer)
         shared = self._shared[_sharing(key)]
         shared.outlets += 1
@@ -96,7 +96,7 @@ class Shaping:
         return lambda header: self._shared[key.camera].paced.moment(key.stream, header.stamp_ns, header.received_ns)
 
     async def run(self, bus: Bus) -> None:
-        """Do what outlets leave to be done, for ever."""
+        """Run the encoder pool and the pacer, forever."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self._consumers.follow(bus))
             group.create_task(self._workshop.run())
@@ -105,5 +105,5 @@ class Shaping:
 
 
 def _sharing(key: SensorKey) -> CameraKey | RobotStreamKey:
-    """Return whose instants a stream's are: its camera's, or its own."""
+    """Return the owner of a stream's instants: its camera or the stream itself."""
     return key.camera if isinstance(key, StreamKey) else key

@@ -1,15 +1,15 @@
-"""A limit on how many frames are sent, by a clock of this machine alone. Pure: time is an argument."""
+"""A token bucket that limits the frame rate. Pure: time is an argument."""
 
 from typing import Final
 
 SECOND_NS: Final = 1_000_000_000
 
 BURST_S: Final = 0.5
-"""Frames that were held up for so long on their way here may be sent as soon as they come."""
+"""Longest delay in transit after which delayed frames may still be sent at once."""
 
 
 class TokenBucket:
-    """Lets through `hz` frames a second, and at most BURST_S of them, and one, ahead of that."""
+    """Lets through `hz` frames a second, with a burst of BURST_S of them plus one."""
 
     def __init__(self, hz: float) -> None:
         self.hz = hz
@@ -18,7 +18,7 @@ class TokenBucket:
         self._last_ns: int | None = None
 
     def has_room(self, now_ns: int) -> bool:
-        """Return whether a frame may be sent that is here now; a clock that is set back gives nothing."""
+        """Return whether a frame that arrives now may be sent; a clock set back adds no tokens."""
         since_ns = now_ns if self._last_ns is None else self._last_ns
         self._tokens = min(self._most, self._tokens + max(0, now_ns - since_ns) * self.hz / SECOND_NS)
         self._last_ns = now_ns

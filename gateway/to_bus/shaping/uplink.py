@@ -1,4 +1,4 @@
-"""The uplink's budget: what may go to the link now, and what waits. Pure: time is an argument."""
+"""Schedules messages under the uplink's budget. Pure: time is an argument."""
 
 from collections import Counter
 from collections.abc import Hashable, Iterator
@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
 BACKLOG_S: Final = 0.1
-"""How much of the budget is ever handed over ahead of the link."""
+"""Largest backlog of the link, in seconds of the budget."""
 
 HELD_BYTES: Final = 640 << 10
-"""What a link holds at most of what goes without waiting: two batches of 64 KiB in Zenoh, half a MiB in the system.
+"""Most bytes that a link buffers of unpaced messages: two batches of 64 KiB in Zenoh, half a MiB in the system.
 
 What is more than that is dropped there, and takes none of the budget later.
 """
 
 ROUNDING: Final = 1.0
-"""Bytes by which sums of fractions may be off."""
+"""Tolerance for rounding in sums of fractions, in bytes."""
 
 S = TypeVar("S", bound=Hashable)
 T = TypeVar("T")
@@ -23,9 +23,9 @@ T = TypeVar("T")
 
 @dataclass(slots=True, eq=False)
 class Moment:
-    """What several streams have items of that are of use together only.
+    """A moment of which several streams have items that are useful only together.
 
-    of: whose moment it is. number: later ones of the same have higher ones. begun: whether an item of it has gone.
+    of: the moment's owner. number: grows with each of an owner's moments. begun: whether an item of it was sent.
     """
 
     of: Hashable
@@ -35,7 +35,7 @@ class Moment:
 
 @dataclass(slots=True)
 class _Waiting(Generic[T]):
-    """since: the stream's place in the order, in bytes, when it began to wait."""
+    """A waiting item. since: the stream's place in the order, in bytes, when it began to wait."""
 
     item: T
     size: int
@@ -43,9 +43,9 @@ class _Waiting(Generic[T]):
 
 
 class Uplink(Generic[S, T]):
-    """Lets through `bytes_per_s` bytes a second; of each stream the newest item waits.
+    """Lets through `bytes_per_s` bytes a second; the newest item of each stream waits.
 
-    The backlog is what the link has been given and cannot have sent yet. An item goes when it fits into the backlog of
+    The backlog is what the link was given and cannot have sent yet. An item goes when it fits into the backlog of
     BACKLOG_S; one that is larger than all of that goes alone, when the backlog is empty. Streams share the bytes
     equally (start-time fair queueing), so one with large items does not starve one with small ones, nor itself.
     Times are seconds of any clock that does not go back.
@@ -59,7 +59,7 @@ class Uplink(Generic[S, T]):
     def __init__(self, bytes_per_s: float) -> None:
         self._rate = bytes_per_s
         self._backlog = 0.0
-        self._charged = 0.0  # of the backlog, what went without waiting: the link sends it first
+        self._charged = 0.0  # the unpaced part of the backlog, which the link sends first
         self._at = 0.0
         self._waiting: dict[tuple[S, Moment | None], _Waiting[T]] = {}
         self._begun: dict[Hashable, int] = {}
@@ -68,14 +68,14 @@ class Uplink(Generic[S, T]):
         self._now = 0.0
 
     def charge(self, size: int, now: float) -> None:
-        """Count bytes that went without waiting, as far as the link can hold them."""
+        """Count bytes that bypass the budget, as far as the link can buffer them."""
         self._drain(now)
         counted = max(0.0, min(size, HELD_BYTES - self._charged))
         self._charged += counted
         self._backlog += counted
 
     def offer(self, stream: S, item: T, size: int, moment: Moment | None = None) -> int:
-        """Let an item wait; return how many of its stream that costs: older ones, or itself where it is too late."""
+        """Queue an item; return the number of items of its stream dropped: older ones, or itself if it is too late."""
         if moment is not None and not moment.begun and moment.number < self._begun.get(moment.of, moment.number):
             return 1
         since = min(
@@ -87,7 +87,7 @@ class Uplink(Generic[S, T]):
         return replaced + self._replace(stream, moment)
 
     def release(self, now: float) -> list[tuple[S, T]]:
-        """Return what may go now, in this order."""
+        """Return the items that may be sent now, in order."""
         self._drain(now)
         released = []
         while (place := self._next()) is not None and self._wait_s(self._waiting[place].size) <= 0:
@@ -103,17 +103,17 @@ class Uplink(Generic[S, T]):
         return released
 
     def lost(self) -> Iterator[T]:
-        """Take what will never go since a later moment has begun."""
+        """Yield and remove items that will never be sent, since a later moment has begun."""
         while self._lost:
             yield self._lost.pop(0)
 
     def next_release_s(self) -> float | None:
-        """Return in how many seconds after the last `release` something may go; None while nothing waits."""
+        """Return the seconds from the last `release` until an item may be sent; None while nothing waits."""
         place = self._next()
         return None if place is None else self._wait_s(self._waiting[place].size)
 
     def discard(self, stream: S) -> int:
-        """Forget a stream; return how many items of it waited."""
+        """Forget a stream; return the number of its waiting items."""
         self._ends.pop(stream, None)
         places = [place for place in self._waiting if place[0] == stream]
         for place in places:
@@ -121,7 +121,7 @@ class Uplink(Generic[S, T]):
         return len(places)
 
     def forget_moments(self, of: Hashable) -> None:
-        """Forget which moment of something has begun; to be called when nothing waits that is of one of them."""
+        """Forget an owner's begun moments; call when no item of its moments waits."""
         self._begun.pop(of, None)
 
     def _drain(self, now: float) -> None:
@@ -143,11 +143,11 @@ class Uplink(Generic[S, T]):
         return min(eligible, key=self._begins, default=None)
 
     def _begins(self, place: tuple[S, Moment | None]) -> float:
-        """Return a stream's place in the order, in bytes: those begin later that were given more so far."""
+        """Return a stream's place in the order, in bytes: streams that have sent more come later."""
         return max(self._waiting[place].since, self._ends.get(place[0], 0.0))
 
     def _replace(self, stream: S, moment: Moment | None) -> int:
-        """Let go of what will not go now that the stream has an item of the moment; return how many that costs it."""
+        """Drop items made useless by the stream's new item; return how many of them are the stream's."""
         vain = [
             (each, of)
             for each, of in self._waiting
@@ -160,7 +160,7 @@ class Uplink(Generic[S, T]):
         return sum(each == stream for each, _ in items)
 
     def _begin(self, moment: Moment) -> None:
-        """What waits of the moment is not replaced from now on, what waits of earlier ones is lost."""
+        """Begin a moment: its waiting items are kept from now on, those of earlier moments are dropped."""
         moment.begun = True
         self._begun[moment.of] = moment.number
         for place in list(self._waiting):
@@ -173,12 +173,12 @@ class Uplink(Generic[S, T]):
         return (self._backlog - room - ROUNDING) / self._rate
 
     def _forget(self) -> None:
-        """Streams that were given less than those served now have no claim to more than their share later."""
+        """Forget the places of streams that fell behind: they get no more than their share later."""
         self._ends = {stream: ends for stream, ends in self._ends.items() if ends > self._now}
 
 
 def _rank(moment: Moment, streams: int) -> tuple[bool, int, int]:
-    """Return what those that go first have most of."""
+    """Return the sort key of a moment; the highest goes first."""
     return (True, 0, 0) if moment.begun else (False, streams, moment.number)
 
 
@@ -187,9 +187,9 @@ def _is_begun(moment: Moment | None) -> bool:
 
 
 def _vain(places: list[tuple[S, Moment]]) -> list[tuple[S, Moment]]:
-    """Return what is neither its stream's newest nor of the moment to begin next.
+    """Return the items that are neither their stream's newest nor of the moment to begin next.
 
-    places: of moments of one, which have all begun or all not: of those that have begun no stream needs two.
+    places: of one owner's moments, all begun or all not; no stream needs two items of begun moments.
     """
     company = Counter(moment for _, moment in places)
     first = max(company, key=lambda moment: _rank(moment, company[moment]))

@@ -14,7 +14,7 @@ MBIT: Final = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class _Offered:
-    """A payload, what sends it, and what is told when that will never be."""
+    """A payload, the function that sends it, and the one called if it is dropped."""
 
     payload: Payload
     send: Callable[[Payload], None]
@@ -22,14 +22,14 @@ class _Offered:
 
 
 class Pacer:
-    """A budget of `mbit` megabits a second. To be used on the event loop's thread."""
+    """Sends payloads within a budget of `mbit` megabits a second. Event loop only."""
 
     def __init__(self, mbit: float) -> None:
         self._uplink: Uplink[Hashable, _Offered] = Uplink(mbit * MBIT / 8)
         self._waits = asyncio.Event()
 
     def charge(self, size: int) -> None:
-        """Count bytes that go without waiting."""
+        """Count bytes that bypass the budget."""
         self._uplink.charge(size, time.monotonic())
 
     def offer(
@@ -41,7 +41,7 @@ class Pacer:
         moment: Moment | None = None,
         lose: Callable[[], None] = lambda: None,
     ) -> int:
-        """Send a payload as soon as the budget allows; return how many of its stream are lost by that.
+        """Send a payload as soon as the budget allows; return the number of its stream's payloads dropped for it.
 
         lose: called when a payload that waits will not be sent, since other streams have begun a later moment.
         """
@@ -50,15 +50,15 @@ class Pacer:
         return lost
 
     def discard(self, stream: Hashable) -> int:
-        """Forget what waits of a stream; return how many payloads that was."""
+        """Drop a stream's waiting payloads; return their number."""
         return self._uplink.discard(stream)
 
     def forget_moments(self, of: Hashable) -> None:
-        """Forget whose moments there are no more of."""
+        """Forget an owner that has no further moments."""
         self._uplink.forget_moments(of)
 
     async def run(self) -> None:
-        """Send what waits, for ever."""
+        """Send waiting payloads, forever."""
         while True:
             delay_s = self._uplink.next_release_s()
             if delay_s is None:

@@ -1,4 +1,4 @@
-"""ROS 1 messages to the fleet's own: what may come on a stream, and one translator per message type. Pure."""
+"""Translators from ROS 1 messages to the fleet's schemas, one per message type. Pure."""
 
 from gateway.to_bus.translators.kinds import kind_of
 from gateway.to_bus.translators.stream_kind import Incomplete, Merging, NotOrganised, Repaired, StreamKind, Translate

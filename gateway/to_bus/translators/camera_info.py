@@ -37,7 +37,7 @@ def camera_info(message: Message, header: Header) -> CameraInfo:
 
 
 def rectified_info(message: Message, header: Header) -> CameraInfo:
-    """Translate the calibration of a rectified picture, whose camera is the straight one that P describes.
+    """Translate the calibration of a rectified image to that of the ideal camera that P describes.
 
     ROS has one camera info for both: K and D are of the picture as the sensor took it. Where P has no focal length
     it stays as it is.

@@ -1,4 +1,4 @@
-"""Images in encodings that the contract does not carry, as ones that it does.
+"""Converts images from encodings that the contract does not carry to ones that it does.
 
 The names are those of sensor_msgs/image_encodings.h, of OpenCV's types and of Linux's video formats.
 """
@@ -28,14 +28,14 @@ OTHER_NAMES: Final = {
     "NV12": "nv12",
     "NV21": "nv21",
 }
-"""Other names of encodings. OpenCV's types, which cv_bridge sends unless told otherwise, are what ROS shows them as."""
+"""Aliases of encodings. OpenCV's types, cv_bridge's default, stand for the encodings as which ROS shows them."""
 
 AS_DEPTH: Final = {"16SC1": "16UC1", "64FC1": "32FC1"}
-"""Encodings that become ones of depth."""
+"""Encodings that are converted to depth encodings."""
 
 
 def carried(image: Image) -> Image:
-    """Return an image in an encoding that the contract carries, the same one where it is in such an encoding already.
+    """Return the image in an encoding that the contract carries; unchanged if it has one already.
 
     16-bit colours become 8-bit ones, every kind of YUV `yuv422`, signed millimetres 16UC1, and 64-bit metres 32FC1.
 
@@ -48,14 +48,14 @@ def carried(image: Image) -> Image:
 
 
 def _with_pixels(image: Image, encoding: str, pixels: NDArray[Any]) -> Image:
-    """Return the image with other pixels, height x bytes."""
+    """Return the image with new pixels, height x bytes."""
     height, step = pixels.shape
     data = memoryview(np.ascontiguousarray(pixels).reshape(-1))  # type: ignore[arg-type]
     return image._replace(height=height, encoding=encoding, is_bigendian=False, step=step, data=data)
 
 
 def _rows(image: Image, pixel: int) -> NDArray[np.uint8]:
-    """Return rows of pixels that take so many bytes each, without padding."""
+    """Return the rows of pixels, height x bytes, without padding."""
     row = image.width * pixel
     check_rows(image.height, image.width, row, image.step, image.data.nbytes, encoding=image.encoding)
     return np.frombuffer(image.data, np.uint8).reshape(image.height, image.step)[:, :row]
@@ -73,13 +73,13 @@ def _eight_bits(image: Image, *, encoding: str, channels: int) -> Image:
 
 
 def _yuyv(image: Image) -> Image:
-    """Put the colour before the brightness of each pixel, as UYVY has it."""
+    """Convert YUYV to UYVY: chroma before luma of each pixel."""
     rows = np.ascontiguousarray(_rows(image, 2))
     return _with_pixels(image, "yuv422", rows.view(np.uint16).byteswap().view(np.uint8))
 
 
 def _semi_planar(image: Image, *, red_first: bool) -> Image:
-    """Give the colours of each block of 2 x 2 pixels, which follow all brightness, to both of its rows."""
+    """Convert NV12 or NV21 to UYVY: the chroma of each block of 2 x 2 pixels goes to both of its rows."""
     pitch, height = _planes(image)
     width = image.width
     planes = np.frombuffer(image.data, np.uint8).reshape(-1, pitch)[:, :width]
@@ -93,7 +93,7 @@ def _semi_planar(image: Image, *, red_first: bool) -> Image:
 
 
 def _planes(image: Image) -> tuple[int, int]:
-    """Return the bytes of a row, and the height in pixels: one and a half times as many rows follow each other.
+    """Return the bytes of a row and the height in pixels of an image with 1.5 times as many rows of data.
 
     Some drivers give these rows as the height; some count one and a half bytes for each pixel of a row.
     """
@@ -135,4 +135,4 @@ CONVERTERS: Final[Mapping[str, Callable[[Image], Image]]] = {
     "16SC1": _unsigned,
     "64FC1": _single_precision,
 }
-"""By encoding: what makes another of it that the contract carries."""
+"""Conversion functions by encoding."""

@@ -38,7 +38,7 @@ NOT_COLOR: Final = "pixels are depth, not colour"
 
 
 def color(message: Message, header: Header) -> ImageFrame:
-    """Translate an image that is no depth."""
+    """Translate a colour image; depth is refused."""
     return checked_color(image(message, header))
 
 
@@ -60,7 +60,7 @@ def depth(message: Message, header: Header) -> ImageFrame:
 
 
 def checked_depth(frame: ImageFrame) -> ImageFrame:
-    """Return the frame; 16 bits of grey are millimetres here, whatever their driver calls them.
+    """Return the frame if it is depth; 16-bit grey counts as millimetres, whatever the driver calls it.
 
     Raises:
         SchemaError: its encoding is none of depth.
@@ -69,7 +69,7 @@ def checked_depth(frame: ImageFrame) -> ImageFrame:
     if frame.encoding == "mono16":
         return msgspec.structs.replace(frame, encoding="16UC1")
     if frame.encoding not in DEPTH_ENCODINGS:
-        raise SchemaError(f"{frame.encoding} is no encoding of depth: use {' or '.join(sorted(DEPTH_ENCODINGS))}")
+        raise SchemaError(f"{frame.encoding} is not a depth encoding: use {' or '.join(sorted(DEPTH_ENCODINGS))}")
     return frame
 
 
@@ -103,7 +103,7 @@ def disparity(message: Message, header: Header) -> ImageFrame:
 
 
 def _disparity_metres(disparity: NDArray[np.float32], reach: float, least: float) -> NDArray[np.float32]:
-    """Return depth. least: the least valid disparity; NaN sets no limit."""
+    """Return depth in metres. least: the least valid disparity in pixels; NaN sets no limit."""
     with np.errstate(all="ignore"):
         depth = (np.float32(reach) / disparity).astype("<f4")
         depth[~((disparity > 0) & (depth > 0) & np.isfinite(depth)) | (disparity < least)] = np.nan
@@ -115,7 +115,7 @@ COMPRESSED_DEPTH: Final = "compressedDepth"
 RVL: Final = "rvl"
 _DEPTHS: Final = DEPTH_ENCODINGS | {"mono16"}
 _QUANTIZATION: Final = struct.Struct("<iff")
-"""Stands before a compressedDepth file."""
+"""Header before a compressedDepth file."""
 
 
 def compressed_image(message: Message, header: Header) -> ImageFrame:
@@ -141,17 +141,17 @@ def compressed_image(message: Message, header: Header) -> ImageFrame:
 
 
 def compressed_color(message: Message, header: Header) -> ImageFrame:
-    """Translate a JPEG or PNG file that is no depth."""
+    """Translate a JPEG or PNG file of colour; depth is refused."""
     return checked_color(compressed_image(message, header))
 
 
 def compressed_depth(message: Message, header: Header) -> ImageFrame:
-    """Translate a PNG file of depth, with or without what the compressedDepth transport puts before it, or RVL."""
+    """Translate depth as a PNG file, with or without the compressedDepth transport's header, or as RVL."""
     return checked_depth(compressed_image(message, header))
 
 
 def _unwrapped(data: memoryview, original: str, transport: str) -> tuple[memoryview, tuple[float, float] | None]:
-    """Return a file without what the compressedDepth transport puts before it, and how its metres were quantized.
+    """Return a file without the compressedDepth transport's header, and the quantization of its metres.
 
     Some drivers name that transport and leave this out, others put it before a file of another name: where a PNG file
     begins is certain.

@@ -1,4 +1,4 @@
-"""Which ROS types may come on which stream."""
+"""Assigns kinds, and so ROS types, to streams."""
 
 from typing import Final
 
@@ -55,7 +55,7 @@ _COLOR_OF_POINTS: Final = StreamKind(ImageFrame, QoS.IMAGE, {ros_point_cloud.TYP
 
 
 def kind_of(key: SensorKey, *, of_points: bool = False, of_rectified: bool = False) -> StreamKind:
-    """Return what a stream that sensors send carries.
+    """Return the kind of a sensor's stream.
 
     of_points: it is the colours of a point cloud. of_rectified: it is the calibration of a rectified picture.
     """

@@ -17,7 +17,7 @@ CLOUDS: Final = (ros_point_cloud.TYPE_NAME,)
 
 
 def encoding_of(message: Message) -> str:
-    """Return the encoding that an image's pixels have once they are translated, or the picture in a cloud.
+    """Return the encoding of an image's pixels, or of the image in a cloud, after translation.
 
     UNKNOWN where an image does not say it, or a cloud is no picture; empty where the next message may tell more.
     """

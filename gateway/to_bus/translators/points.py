@@ -24,7 +24,7 @@ def point_cloud(message: Message, header: Header) -> PointCloud:
 
 
 def read_cloud(message: Message, header: Header) -> tuple[PointCloud, str]:
-    """Return a cloud, and in words why its layout is another than it says, or nothing."""
+    """Return a cloud, and in words how its layout was repaired, or an empty string."""
     found = ros_point_cloud.decode_point_cloud(message.data)
     row_step, data = _layout(found)
     made = PointCloud(
@@ -42,7 +42,7 @@ def read_cloud(message: Message, header: Header) -> tuple[PointCloud, str]:
 
 
 def _layout(cloud: ros_point_cloud.PointCloud) -> tuple[int, memoryview]:
-    """Return the bytes from row to row, and the rows.
+    """Return the row stride in bytes, and the number of rows.
 
     Drivers that join, crop or hand on clouds leave `row_step` as it was, or spare bytes behind the points. ROS's own
     readers do not mind: they go from point to point, so in a cloud of one row they need no `row_step`. Where neither
@@ -76,7 +76,7 @@ def _field(name: str, offset: int, datatype: int, count: int) -> PointField:
         raise SchemaError(f"field {name[:64]!r} has the unknown datatype {datatype}")
     if len(name) > MAX_FIELD_NAME:
         raise SchemaError(f"field with a name of {len(name)} characters")
-    return PointField(name, offset, datatype, max(count, 1))  # some drivers say 0 for a single value
+    return PointField(name, offset, datatype, max(count, 1))  # some drivers set 0 for a single value
 
 
 ENCODING: Final = "rgb8"
@@ -84,7 +84,7 @@ _NOBODYS: Final = Header(robot="nobody", boot_id="", seq=0, stamp_ns=0, frame_id
 
 
 def cloud_image(message: Message, header: Header) -> ImageFrame:
-    """Translate the colours of a cloud's points, a pixel each, with the cloud's own stamp and frame."""
+    """Translate the colours of an organised cloud to an image, with the cloud's stamp and frame."""
     cloud, fault = read_cloud(message, header)
     made = _image(cloud)
     if fault:
@@ -93,7 +93,7 @@ def cloud_image(message: Message, header: Header) -> ImageFrame:
 
 
 def shows_picture(message: Message) -> bool | None:
-    """Return whether a cloud is a picture; None where it has no points or cannot be read, which tells nothing."""
+    """Return whether a cloud is an image; None if it has no points or cannot be read."""
     try:
         cloud, _ = read_cloud(message, _NOBODYS)
     except (MessageError, SchemaError):
@@ -105,10 +105,10 @@ def shows_picture(message: Message) -> bool | None:
 
 def _image(cloud: PointCloud) -> ImageFrame:
     if not cloud.height * cloud.width:
-        raise SchemaError("a cloud without points is no picture")
+        raise SchemaError("a cloud without points is not an image")
     if min(cloud.height, cloud.width) < 2:
         raise NotOrganised(
-            f"a cloud of {cloud.height} x {cloud.width} points is no picture: have its driver send organised clouds "
+            f"a cloud of {cloud.height} x {cloud.width} points is not an image: have its driver send organised clouds "
             "(realsense2_camera: ordered_pc), or an image"
         )
     pixels = _pixels(cloud)
@@ -125,7 +125,7 @@ def _image(cloud: PointCloud) -> ImageFrame:
 def _pixels(cloud: PointCloud) -> NDArray[np.uint8]:
     offsets = _colours(cloud)
     if offsets is None:
-        raise NotOrganised("a cloud without colours is no picture: have its driver send them, or an image")
+        raise NotOrganised("a cloud without colours is not an image: have its driver send them, or an image")
     pixels = np.empty((cloud.height, cloud.width, 3), np.uint8)
     for channel, offset in enumerate(offsets):
         pixels[..., channel] = np.ndarray(

@@ -20,7 +20,7 @@ def text(message: Message, header: Header) -> Text:
     sent = memoryview(message.data)
     if len(sent) < _LENGTH.size or _LENGTH.unpack_from(sent)[0] != len(sent) - _LENGTH.size:
         raise MessageError(f"{len(sent)} bytes are not a {STRING}")
-    found = str(sent[_LENGTH.size :], "utf-8", "replace")  # so ROS's own tools show what is in another encoding
+    found = str(sent[_LENGTH.size :], "utf-8", "replace")  # as ROS's own tools show other encodings
     if len(found) > MAX_TEXT:
         raise SchemaError(f"a text of {len(found)} characters, at most {MAX_TEXT} are carried")
     return Text(header=header, text=found)

@@ -15,17 +15,17 @@ from schemas.errors import SchemaError
 from schemas.image import MAX_SIDE
 
 MAX_PIXELS: Final = 1 << 23
-"""More than any depth camera has. A gateway decodes such an image within a second, at worst."""
+"""Most pixels to decode: more than any depth camera has, and at most a second of decoding."""
 
 MAX_NIBBLES: Final = 10
-"""Of a number: what the codec's 32 bits hold."""
+"""Most nibbles of a number, for the codec's 32 bits."""
 
 _SIZE: Final = struct.Struct("<II")
 _MORE: Final = 8
 
 
 def decode_rvl(data: memoryview) -> NDArray[np.uint16]:
-    """Return the height x width numbers of an image as the transport lays it out: width, height, words.
+    """Return the height x width values of an image in the transport's layout: width, height, words.
 
     Raises:
         SchemaError: it is cut off or damaged, or larger than depth images are.
@@ -65,7 +65,7 @@ def _numbers(data: memoryview, most: int) -> NDArray[np.uint32]:
 
 
 def _runs(numbers: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
-    """Return for each run of readings which number is its first, which pixel that is, and how many there are."""
+    """Return the index of the first number, the first pixel and the length of each run of readings."""
     said, end = memoryview(numbers), len(numbers)  # type: ignore[arg-type]
     runs: list[tuple[int, int, int]] = []
     at = pixel = 0
@@ -84,7 +84,7 @@ def _runs(numbers: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
 
 
 def _inside(runs: NDArray[np.int64], count: int) -> NDArray[np.bool_]:
-    """Return which of so many pixels have a reading."""
+    """Return the mask of pixels that have a reading."""
     _, begins, lengths = runs[runs[:, 2] > 0].T
     steps = np.zeros(count + 1, np.int8)
     steps[begins] += 1
@@ -93,7 +93,7 @@ def _inside(runs: NDArray[np.int64], count: int) -> NDArray[np.bool_]:
 
 
 def _readings(numbers: NDArray[np.uint32], runs: NDArray[np.int64]) -> NDArray[np.uint16]:
-    """Return the readings of all runs. The two numbers before each run are no steps to a reading."""
+    """Return the readings of all runs, skipping the two numbers before each run."""
     is_step = np.ones(len(numbers), np.bool_)
     is_step[runs[:, 0] - 1] = is_step[runs[:, 0] - 2] = False
     steps = numbers[is_step][: runs[:, 2].sum()]

@@ -1,4 +1,4 @@
-"""What a stream carries and how it is made of ROS messages."""
+"""Kinds of streams: a schema, and its translators from ROS messages."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ Repaired for those that contradict themselves and can mean one thing only.
 
 
 class Incomplete(SchemaError):  # noqa: N818 - it is one only to those who want all of a message
-    """Parts of a message cannot be carried. rest: what can. left_out: how many parts cannot."""
+    """Parts of a message cannot be carried. rest: the message without them. left_out: their number."""
 
     def __init__(self, rest: codec.Message, left_out: int, what: str) -> None:
         super().__init__(f"sent without {left_out} {what}")
@@ -33,7 +33,7 @@ class Incomplete(SchemaError):  # noqa: N818 - it is one only to those who want 
 
 
 class Repaired(SchemaError):  # noqa: N818 - it is one only to those who want messages without faults
-    """A message that was put right. made: what it says."""
+    """A message was repaired. made: its translation."""
 
     def __init__(self, made: codec.Message, what: str) -> None:
         super().__init__(f"sent repaired: {what}")
@@ -41,12 +41,12 @@ class Repaired(SchemaError):  # noqa: N818 - it is one only to those who want me
 
 
 class NotOrganised(SchemaError):  # noqa: N818 - a cloud without the rows and colours of a picture is sound
-    """A cloud is no picture. With its driver's settings as they are, no other one will be."""
+    """A cloud is not an image, nor will later ones be with the driver's present settings."""
 
 
 @runtime_checkable
 class Merging(Protocol):
-    """A translation that knows one subscription's messages from another's."""
+    """A translation with state for each subscription."""
 
     def begin(self) -> None:
         """Start a subscription."""
@@ -54,7 +54,7 @@ class Merging(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class StreamKind:
-    """One schema, and by ROS type (`*` for any) what begins translating a topic's messages to it.
+    """A schema, and by ROS type (`*` for any) the factories of translators of a topic's messages.
 
     Types with the same beginning share one translation of a topic's messages.
     max_bytes: a longer ROS message is not looked at. merges: each message holds what all publishers said before.
@@ -68,7 +68,7 @@ class StreamKind:
 
     @property
     def is_droppable(self) -> bool:
-        """Whether messages are left out where there are more than the settings or the link allow."""
+        """Whether messages may be dropped beyond the rates of the settings or the link."""
         return self.qos in (QoS.IMAGE, QoS.MESSAGE)
 
     @property
@@ -78,17 +78,17 @@ class StreamKind:
 
     @property
     def ros_type(self) -> str:
-        """The ROS type to subscribe to: the only one there is, or any."""
+        """The ROS type to subscribe to: the only one, or `*`."""
         return next(iter(self.translators)) if len(self.translators) == 1 else ANY
 
 
 def each(translate: Translate) -> Callable[[], Translate]:
-    """Return what begins a translation that looks at each message alone."""
+    """Return a factory for a translator that treats each message alone."""
     return lambda: translate
 
 
 def stamped(header: Header, stamp_ns: int, frame_id: str) -> Header:
-    """Return the header with a ROS message's own stamp and frame; a long frame is cut to what the contract carries."""
+    """Return the header with a ROS message's stamp and frame; a long frame is cut to the contract's limit."""
     return msgspec.structs.replace(header, stamp_ns=stamp_ns, frame_id=frame_id[:MAX_LABEL])
 
 
@@ -98,7 +98,7 @@ def stamp_of(header: Any) -> int:
 
 
 def label(what: str, text: str) -> str:
-    """Return a text that the contract carries whole; `what` says what it names.
+    """Return a name if it fits the contract's length. what: the named thing, for the error.
 
     Raises:
         SchemaError: it is too long for that.

@@ -13,7 +13,7 @@ from schemas.transforms import MAX_TRANSFORMS, Transform, Transforms
 
 TYPE_NAME: Final = "tf2_msgs/TFMessage"
 TYPE_NAMES: Final = (TYPE_NAME, "tf/tfMessage")
-"""The second one is the same message, md5sum and all, as tf called it and rosserial still does."""
+"""Both types have the same definition and md5sum; tf and rosserial use the second name."""
 
 _TOO_LONG: Final = f"frames whose names are longer than {MAX_LABEL} characters"
 _COUNT: Final = struct.Struct("<I")
@@ -27,7 +27,7 @@ def transforms(message: Message, header: Header) -> Transforms:
 
 
 class StaticTransforms:
-    """Merges what all publishers of a subscription said into one whole; of each child the last one counts.
+    """Merges the transforms of all publishers of a subscription; the last one of each child counts.
 
     So does a ROS listener. The last message of each publisher would not do: `rosbag play` sends what several recorded
     publishers latched under its one name, and a rospy node what several broadcasters did. Of all that, a new
@@ -39,11 +39,11 @@ class StaticTransforms:
         self._heard: set[_Publisher] = set()
 
     def begin(self) -> None:
-        """Start a subscription: what a publisher said before counts once it is heard again."""
+        """Start a subscription: a publisher's earlier transforms count once it is heard again."""
         self._heard.clear()
 
     def __call__(self, message: Message, header: Header) -> Transforms:
-        """Translate a message to all transforms known with it."""
+        """Translate a message to all transforms known so far, including its own."""
         transforms, left_out = _transforms(message)
         publisher = message.uri, message.callerid
         heard = self._heard | {publisher}
@@ -52,7 +52,7 @@ class StaticTransforms:
         if len(whole) > MAX_TRANSFORMS:
             raise SchemaError(f"static transforms of {len(whole)} frames, at most {MAX_TRANSFORMS} are kept")
         self._known = known if len(known) <= MAX_TRANSFORMS else whole
-        self._heard = heard & {said_by for said_by, _ in whole.values()}  # no more of them than there are transforms
+        self._heard = heard & {said_by for said_by, _ in whole.values()}  # no more publishers than transforms
         return _all(Transforms(header=header, transforms=[transform for _, transform in whole.values()]), left_out)
 
 
@@ -63,7 +63,7 @@ def _all(made: Transforms, left_out: int) -> Transforms:
 
 
 def _transforms(message: Message) -> tuple[list[Transform], int]:
-    """Return the transforms that can be carried, and how many cannot."""
+    """Return the transforms that can be carried, and the number of others."""
     if len(message.data) < _COUNT.size:
         raise MessageError(f"{len(message.data)} bytes are not a {TYPE_NAME}")
     (count,) = _COUNT.unpack_from(message.data)

@@ -96,7 +96,7 @@ def test_what_cannot_be_delivered_keeps_nothing_else_from_it(caplog: pytest.LogC
     channel.close()
     gathering.join(PATIENCE_S)
     assert taken == ["good"]
-    assert "not all of 1 messages were taken in" in caplog.text
+    assert "not all of 1 messages were delivered" in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -77,4 +77,4 @@ async def test_a_call_whose_time_is_up_is_not_begun() -> None:
     async with serving.serving():
         serving.arrive(call(outcomes, left_s=0))
         await until(lambda: bool(outcomes))
-    assert outcomes == ["it waited too long to be begun"]
+    assert outcomes == ["the request waited too long in the server's queue"]

@@ -48,10 +48,10 @@ def test_files_that_can_be_used_are_and_so_are_none(fleet: Path) -> None:
         ({"tls_certificate": "garbage.pem"}, NO_CERTIFICATE),
         ({"tls_key": "garbage.pem"}, NO_KEY),
         ({"tls_key": "r1.pem"}, NO_KEY),
-        ({"tls_key": "r2.key"}, "not the key of tls_certificate {fleet}/r1.pem"),
-        ({"tls_key": "other-kind.key"}, "not the key of tls_certificate {fleet}/r1.pem"),
-        ({"tls_key": "locked.key"}, "it has a passphrase, which nobody is asked for; give one without"),
-        ({"tls_key": "locked-old.key"}, "it has a passphrase, which nobody is asked for; give one without"),
+        ({"tls_key": "r2.key"}, "does not belong to tls_certificate {fleet}/r1.pem"),
+        ({"tls_key": "other-kind.key"}, "does not belong to tls_certificate {fleet}/r1.pem"),
+        ({"tls_key": "locked.key"}, "it has a passphrase, which is not supported; give a key without one"),
+        ({"tls_key": "locked-old.key"}, "it has a passphrase, which is not supported; give a key without one"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_named(fleet: Path, changed: dict[str, str], reason: str) -> None:
@@ -82,7 +82,7 @@ async def test_neither_end_opens_with_a_file_that_cannot_be_used(
     fleet: Path, side: Callable[[str], dict[str, object]]
 ) -> None:
     given = settings(fleet, {"tls_key": "r2.key"}, **side(free_endpoint().replace("tcp/127.0.0.1", "tls/localhost")))
-    with pytest.raises(BusError, match=r"^tls_key .*/r2\.key: not the key of tls_certificate .*/r1\.pem$"):
+    with pytest.raises(BusError, match=r"^tls_key .*/r2\.key: does not belong to tls_certificate .*/r1\.pem$"):
         async with open_bus(given):
             pytest.fail("this must not be entered")
     await until(lambda: bus_threads() == [])

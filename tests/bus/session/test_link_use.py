@@ -10,11 +10,11 @@ def test_while_there_is_room_there_is_nothing_to_say(count: int) -> None:
 
 def test_before_all_are_taken_it_says_what_helps() -> None:
     assert LinkUse(9_000, MAX_LINKS).problem == (
-        "9,000 of at most 10,000 links are taken, and those beyond are refused: "
+        "9,000 of at most 10,000 links are in use, further ones are refused: "
         "have some robots and workers connect through another router"
     )
     assert LinkUse(1_000, 1_000).problem == (
-        "1,000 of at most 1,000 links are taken, and those beyond are refused: "
+        "1,000 of at most 1,000 links are in use, further ones are refused: "
         "let it open more files (LimitNOFILE in its unit, ulimit -n), or "
         "have some robots and workers connect through another router"
     )

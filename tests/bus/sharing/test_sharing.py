@@ -27,7 +27,7 @@ async def test_no_more_cameras_than_it_may(caplog: pytest.LogCaptureFixture) -> 
         task = group.create_task(Sharing(ours, [A], Stream.COLOR, serve, most=3, join_s=0).run())
         await until(lambda: len(served) == 3)
         task.cancel()
-    assert "3 are looked after already" in caplog.text
+    assert "this worker serves 3, its limit" in caplog.text
 
 
 async def test_what_fails_in_the_work_ends_the_sharing() -> None:
@@ -115,7 +115,7 @@ async def test_another_worker_of_the_same_name_is_warned_of(caplog: pytest.LogCa
         await asyncio.sleep(0.02)
         assert "another worker" not in caplog.text
         async with Worker(ours, A, join_s=0.05).running():
-            await until(lambda: "another worker is called a" in caplog.text)
+            await until(lambda: "another worker is also called a" in caplog.text)
 
 
 async def test_a_worker_for_two_robots_takes_no_other() -> None:

@@ -66,7 +66,7 @@ def test_a_calibration_is_added_to_streams_that_are_named(options: list[str]) ->
     seen = seen_with(options, color(), depth(), color_info())
     before = taken(seen.master.graph or Graph(), options)
     if "--topics" in options:
-        finding = said(list(check_cameras(seen)), "has the calibration but is no stream")
+        finding = said(list(check_cameras(seen)), "has the calibration but is not a stream")
         after = taken(seen.master.graph or Graph(), [*options, *options_in(finding.advice)])
         assert after == before | {"front/info": INFO_TOPIC}
     finding = said(list(check_sensors(seen)), "only the streams that --cameras and --topics name")
@@ -77,7 +77,7 @@ def test_a_calibration_is_added_to_streams_that_are_named(options: list[str]) ->
 def test_a_calibration_that_discovery_may_not_take() -> None:
     options = ["--deny", ".*camera_info"]
     seen = seen_with(options, color(), depth(), color_info())
-    finding = said(list(check_cameras(seen)), "has the calibration but is no stream")
+    finding = said(list(check_cameras(seen)), "has the calibration but is not a stream")
     assert finding.advice == "it is denied by --deny .*camera_info: change that"
 
 

@@ -44,8 +44,8 @@ def test_a_camera_without_focal_length(f: float) -> None:
     (finding,) = said("front/info", color(), color_info(f=f, width=0, height=0))
     assert finding.severity is Severity.PROBLEM
     assert finding.what == (
-        "the camera info has no focal length: the camera is not calibrated, and as without one it is unknown what its "
-        "pixels mean in space"
+        "the camera info has no focal length: the camera is not calibrated, so its pixels cannot be "
+        "projected into space"
     )
 
 
@@ -65,7 +65,7 @@ def test_a_depth_camera_without_focal_length() -> None:
 def test_a_lens_that_nobody_here_knows(model: str, d: list[float], reason: str) -> None:
     (finding,) = said("front/info", color(), color_info(distortion_model=model, d=d))
     assert finding.severity is Severity.PROBLEM
-    assert finding.what == f"{reason}: what the camera's pixels mean in space cannot be worked out"
+    assert finding.what == f"{reason}: the camera's pixels cannot be projected into space"
 
 
 @pytest.mark.parametrize(("model", "d"), [("equidistant", [0.1] * 4 + [0.0]), ("none", []), ("Plumb Bob", [0.0] * 5)])

@@ -99,7 +99,7 @@ OTHER = {"frame_id": "ir", "width": 4, "height": 2}
 def test_frames_that_transforms_connect(transforms: dict[str, Transforms]) -> None:
     finding = said(color(), depth(**OTHER), color_info(), depth_info(**OTHER), **transforms)[-1]
     assert finding.severity is Severity.NOTE
-    assert "by the calibrations and transforms" in finding.what
+    assert "from the calibrations and transforms" in finding.what
 
 
 @pytest.mark.parametrize("tf_static", [None, links(("base", "lens"), ("map", "ir"))])

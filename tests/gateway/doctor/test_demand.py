@@ -104,7 +104,7 @@ def test_a_stream_that_the_running_gateway_does_not_offer() -> None:
 
 
 def test_colours_of_clouds_that_are_no_pictures_are_withdrawn_for_another_reason_than_options() -> None:
-    unreadable = replace(heard(), unreadable="a cloud of 1 x 6 points is no picture")
+    unreadable = replace(heard(), unreadable="a cloud of 1 x 6 points is not an image")
     named = stream("front/color", "/front/points", POINTS, publisher(POINTS, unreadable))
     found = replace(named, special=kind_of(named.key, of_points=True))
     for look, count in ((named, 1), (found, 0)):

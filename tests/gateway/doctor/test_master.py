@@ -53,7 +53,7 @@ REACHABLE = HostLook("robot", ("192.168.0.7",), ours=True)
     [
         (REACHABLE, True, Severity.OK, "something can listen here"),
         (replace(REACHABLE, addresses=(), ours=False), False, Severity.PROBLEM, "does not resolve"),
-        (replace(REACHABLE, addresses=("0.0.0.0",)), False, Severity.PROBLEM, "no address that others"),  # noqa: S104
+        (replace(REACHABLE, addresses=("0.0.0.0",)), False, Severity.PROBLEM, "not an address that others"),  # noqa: S104
         (replace(REACHABLE, ours=False), False, Severity.PROBLEM, "not an address of this machine (192.168.0.7)"),
         (HostLook("127.0.0.1", ("127.0.0.1",), ours=True), False, Severity.OK, "something can listen here"),
         (HostLook("127.0.0.1", ("127.0.0.1",), ours=True), True, Severity.PROBLEM, "cannot connect back"),

@@ -67,7 +67,7 @@ def test_a_gateway_without_a_link_to_the_centre() -> None:
     endpoint, gateway, own = check_presence(evidence(bus=look))
     assert (endpoint.severity, endpoint.subject) == (Severity.PROBLEM, CENTRAL)
     assert (gateway.severity, gateway.subject) == (Severity.PROBLEM, "r1")
-    assert "no link to what it connects to" in gateway.what
+    assert "no link to its --connect endpoints" in gateway.what
     assert own.severity is Severity.OK
 
 
@@ -104,7 +104,7 @@ def test_other_robots_on_the_bus(robots: set[str], advice: str) -> None:
 def test_a_gateway_that_says_nothing() -> None:
     (finding,) = said()
     assert finding.severity is Severity.PROBLEM
-    assert "said nothing of itself in 3 s" in finding.what
+    assert "sent no status in 3 s" in finding.what
 
 
 def test_two_gateways_of_one_name() -> None:
@@ -146,7 +146,7 @@ def test_the_robots_of_the_fleet() -> None:
         ("r1", Severity.OK, "its gateway 1.2 offers 2 streams, of which 1 are wanted"),
         ("r2", Severity.OK, "its gateway 1.2 offers 2 streams, of which 1 are wanted"),
         ("r3", Severity.PROBLEM, "the running gateway waits for the ROS master at http://robot:11311"),
-        ("r4", Severity.PROBLEM, "its gateway is present but said nothing of itself in 3 s"),
+        ("r4", Severity.PROBLEM, "its gateway is present but sent no status in 3 s"),
     ]
 
 

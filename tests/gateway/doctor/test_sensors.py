@@ -101,10 +101,10 @@ def test_another_version_of_a_message() -> None:
 @pytest.mark.parametrize(
     ("failure", "what", "advice"),
     [
-        (Failure.UNRESOLVED, "reached at arm, a name that does not resolve", "add arm to /etc/hosts here"),
-        (Failure.UNRESOLVED, "reached at arm, a name that does not resolve", "ROS_HOSTNAME"),
-        (Failure.DEAD, "says it is at arm:40000, but nothing listens", "rosnode cleanup"),
-        (Failure.DEAD, "it was killed, or that is wrong", "ROS_IP"),
+        (Failure.UNRESOLVED, "registered at arm, a name that does not resolve", "add arm to /etc/hosts here"),
+        (Failure.UNRESOLVED, "registered at arm, a name that does not resolve", "ROS_HOSTNAME"),
+        (Failure.DEAD, "is registered at arm:40000, but nothing listens", "rosnode cleanup"),
+        (Failure.DEAD, "nothing listens: killed, or address wrong", "ROS_IP"),
         (Failure.UNKNOWN, "left the master", "start it again"),
         (Failure.REFUSED, "refuses its subscribers: why", "restart that node"),
         (Failure.FOREIGN, "refuses its subscribers: why", "another program"),
@@ -180,7 +180,7 @@ def test_messages_that_cannot_be_forwarded() -> None:
     bad = replace(heard(), unreadable="unknown encoding: 'rgb9'")
     finding = found(stream("front/color", TOPIC, IMAGE, publisher(IMAGE, bad)))
     assert finding.severity is Severity.PROBLEM
-    assert finding.what == "/camera sends what cannot be forwarded: unknown encoding: 'rgb9'"
+    assert finding.what == "/camera sends messages that cannot be forwarded: unknown encoding: 'rgb9'"
 
 
 def test_what_could_be_a_sensors_but_is_not_taken_is_told_with_the_reason() -> None:

@@ -33,7 +33,7 @@ def test_two_sensors_on_one_topic(
 ) -> None:
     (finding,) = said(name, type_name, sender("/a", type_name, one), sender("/b", type_name, other))
     assert finding.severity is Severity.PROBLEM
-    assert finding.what.startswith(f"it mixes what is not of one sensor: {how}")
+    assert finding.what.startswith(f"it mixes several sensors: {how}")
 
 
 def test_a_bag_that_plays_two_sensors_on_one_topic() -> None:

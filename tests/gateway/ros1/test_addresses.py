@@ -45,7 +45,7 @@ def test_master_uris(text: str) -> None:
     ],
 )
 def test_what_is_no_master_uri(text: str) -> None:
-    with pytest.raises(InvalidNameError, match="looks like http://robot:11311"):
+    with pytest.raises(InvalidNameError, match="use one like http://robot:11311"):
         validate_master_uri(text)
 
 
@@ -110,7 +110,7 @@ def test_the_address_of_a_service(uri: str, address: tuple[str, int]) -> None:
     ],
 )
 def test_no_address_of_a_service(uri: str) -> None:
-    with pytest.raises(InvalidNameError, match="is no service's address"):
+    with pytest.raises(InvalidNameError, match="is not a service's address"):
         parse_rosrpc(uri)
 
 

@@ -127,7 +127,7 @@ async def test_a_service_that_was_killed_stays_registered(master: MasterClient) 
     with pytest.raises(UnreachableError, match="/reset cannot be reached"):
         await call(master)
     await master.call("registerService", "/reset", "rosrpc://nowhere", "http://127.0.0.1:1/")
-    with pytest.raises(UnreachableError, match="is no service's address"):
+    with pytest.raises(UnreachableError, match="is not a service's address"):
         await call(master)
 
 

@@ -157,5 +157,5 @@ def test_methods_are_read(text: str, method: Method) -> None:
 
 @pytest.mark.parametrize("text", ["", "gif", "jpeg:", "jpeg:0", "jpeg:101", "zstd:20", "png:3", "raw:1", "jpeg:x"])
 def test_other_texts_are_no_methods(text: str) -> None:
-    with pytest.raises(ValueError, match=r"is none of auto, raw|goes from 1 to"):
+    with pytest.raises(ValueError, match=r"is not one of auto, raw|goes from 1 to"):
         parse_method(text)

@@ -40,25 +40,25 @@ def test_files_may_say_it_as_they_like(given: Any) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "reason"),
     [
-        ("max_hz", "fast", "'fast' is no rate; use 0.001 to 1000 Hz"),
-        ("max_hz", "0", "'0' is no rate"),
-        ("max_hz", "nan", "'nan' is no rate"),
-        ("max_hz", "1001", "'1001' is no rate"),
-        ("max_hz", "front/depth=-1", "'-1' is no rate; use 0.001 to 1000 Hz (for front/depth)"),
-        ("max_hz", "front=5", "'front' fits no stream that this is for, like front/color, depth, points, ros"),
-        ("max_hz", "tf=5", "'tf' fits no stream"),
-        ("max_hz", "front/info=5", "'front/info' fits no stream"),
-        ("max_hz", "=5", "'' fits no stream"),
+        ("max_hz", "fast", "'fast' is not a rate; use 0.001 to 1000 Hz"),
+        ("max_hz", "0", "'0' is not a rate"),
+        ("max_hz", "nan", "'nan' is not a rate"),
+        ("max_hz", "1001", "'1001' is not a rate"),
+        ("max_hz", "front/depth=-1", "'-1' is not a rate; use 0.001 to 1000 Hz (for front/depth)"),
+        ("max_hz", "front=5", "'front' matches no stream this applies to, like front/color, depth, points, ros"),
+        ("max_hz", "tf=5", "'tf' matches no stream"),
+        ("max_hz", "front/info=5", "'front/info' matches no stream"),
+        ("max_hz", "=5", "'' matches no stream"),
         ("max_hz", None, "list"),
-        ("scale", "0.4", "'0.4' is no scale; use 1, 1/2 (or 0.5), 1/3, 1/4 ... 1/16"),
-        ("scale", "2", "'2' is no scale"),
-        ("scale", "0", "'0' is no scale"),
-        ("scale", "1/0", "'1/0' is no scale"),
-        ("scale", "1/17", "'1/17' is no scale"),
-        ("scale", "front/points=0.5", "'front/points' fits no stream that this is for, like front/color, depth"),
-        ("compression", "gif", "'gif' is none of auto, raw, jpeg, jpeg:QUALITY, png, zstd, zstd:LEVEL"),
+        ("scale", "0.4", "'0.4' is not a scale; use 1, 1/2 (or 0.5), 1/3, 1/4 ... 1/16"),
+        ("scale", "2", "'2' is not a scale"),
+        ("scale", "0", "'0' is not a scale"),
+        ("scale", "1/0", "'1/0' is not a scale"),
+        ("scale", "1/17", "'1/17' is not a scale"),
+        ("scale", "front/points=0.5", "'front/points' matches no stream this applies to, like front/color, depth"),
+        ("compression", "gif", "'gif' is not one of auto, raw, jpeg, jpeg:QUALITY, png, zstd, zstd:LEVEL"),
         ("compression", "front/color=jpeg:0", "jpeg goes from 1 to 100 (for front/color)"),
-        ("compression", "ros/map=zstd", "'ros/map' fits no stream"),
+        ("compression", "ros/map=zstd", "'ros/map' matches no stream"),
         ("uplink_mbit", 0, "greater than or equal to 0.01"),
     ],
 )
@@ -95,7 +95,7 @@ def test_and_so_does_a_file(text: str, tmp_path: Path) -> None:
 
 
 def test_a_wrong_one_is_one_line() -> None:
-    with pytest.raises(UsageError, match=r"^--compression \['webp'\]: 'webp' is none of auto, raw, jpeg"):
+    with pytest.raises(UsageError, match=r"^--compression \['webp'\]: 'webp' is not one of auto, raw, jpeg"):
         loaded("--compression", "webp")
 
 

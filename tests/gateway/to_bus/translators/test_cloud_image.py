@@ -84,7 +84,7 @@ def test_a_driver_that_sends_no_pictures_is_known_by_its_first_cloud(cloud: Mess
     forward.take(colored(height=3), 99)
     assert forward.no_picture == ""
     forward.take(cloud, 99)
-    assert "is no picture: have its driver send" in forward.no_picture
+    assert "is not an image: have its driver send" in forward.no_picture
     forward.take(colored(), 99)
     assert forward.no_picture == ""
 
