@@ -80,7 +80,8 @@ class Explorer:
     """Keeps the plan current, and logs its streams, left-out topics and changes.
 
     Where only an image's pixels say whether it is colour or depth, one message of it is looked at first; and the clouds
-    of a camera without another colour give it one once the first points that come are a picture.
+    of a camera without another colour give it one once the first points that come are a picture. Both are looked at
+    again when a topic has other publishers, or was gone at one look.
     unused: returns which settings are for none of the streams with these names.
     """
 
@@ -98,8 +99,9 @@ class Explorer:
         self._said_unused: list[str] = []
         self._sightings = sightings or TopicHistory()
         self._publishers: Mapping[str, tuple[str, ...]] | None = None
+        self._present: Mapping[str, frozenset[str]] = {}
         self._types: dict[str, str] = {}
-        self._known: list[Topic] = []
+        self._certain: list[Topic] = []
         self._unclear: list[Topic] = []
         self._planned: list[Topic] = []
         self._planning = asyncio.Lock()
@@ -110,6 +112,11 @@ class Explorer:
     def waiting_for(self) -> str:
         """The things missing before the gateway can offer anything, in words, or empty."""
         return "" if self.plan.streams else "a camera, a lidar or transforms on the ROS graph"
+
+    @property
+    def published(self) -> Collection[str]:
+        """The topics that were published when the master was last looked at."""
+        return self._present.keys()
 
     async def begin(self, offers: Offers) -> None:
         """Offer the streams that the settings name, with or without a master."""
@@ -126,6 +133,9 @@ class Explorer:
 
             images, clouds = (Sampler(group, offers.topics, replan) for _ in range(2))
             async for look in self._node.looks():
+                started = self._started(look)
+                for sampler in (images, clouds):
+                    sampler.doubt(started)
                 try:
                     await self._see(look)
                 except Ros1Error as error:
@@ -138,9 +148,10 @@ class Explorer:
     async def _replan(self, images: Sampler, clouds: Sampler, offers: Offers) -> None:
         async with self._planning:
             known = clouds.known(images.known(self._sightings.topics()))
-            if known != self._known:
-                self._unclear = await asyncio.to_thread(unclear, known, self._wishes)
-                self._known = known
+            certain = clouds.certain(images.certain(known))
+            if certain != self._certain:
+                self._unclear = await asyncio.to_thread(unclear, certain, self._wishes)
+                self._certain = certain
             awaited = images.listen(self._unclear)
             topics = [_until_heard(topic) for topic in known if image_of(topic.name) not in awaited]
             if topics != self._planned:
@@ -148,8 +159,13 @@ class Explorer:
                 now = await asyncio.to_thread(plan, topics, self._wishes, self.plan)
                 await self._follow(now, offers, changes(now, self.plan))
                 self._planned = topics
-            if not awaited:  # an image may become the colour
-                clouds.listen(unclear_clouds(known, self._wishes, self.plan))
+            if not awaited:  # an image may be the colour
+                clouds.listen(unclear_clouds(certain, self._wishes, self.plan, clouds.doubted))
+
+    def _started(self, look: MasterState) -> set[str]:
+        """Return the topics that were not published at the look before, or by other nodes."""
+        before, self._present = self._present, {name: frozenset(of) for name, of in look.state.publishers.items()}
+        return {name for name, of in self._present.items() if before.get(name) != of}
 
     async def _see(self, look: MasterState) -> None:
         publishers = _without(self._node.name, look.state.publishers)

@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Collection, Coroutine, Iterable
 from dataclasses import replace
 from typing import Any, Final
 
@@ -43,6 +43,7 @@ class Sampler:
         self._changed = changed
         self._patience_s = patience_s
         self._encodings: dict[_Sampled, str] = {}
+        self._doubted: set[_Sampled] = set()
         self._waited_for: set[_Sampled] = set()
         self._listening: dict[_Sampled, asyncio.Task[None]] = {}
 
@@ -50,12 +51,26 @@ class Sampler:
         """Return the topics with their known encodings, and forget all other topics."""
         found = [(topic, self._encodings.get(_sampled(topic), "")) for topic in topics]
         self._encodings = {_sampled(topic): encoding for topic, encoding in found if encoding}
+        self._doubted &= self._encodings.keys()
         return [replace(topic, encoding=encoding) if encoding else topic for topic, encoding in found]
+
+    def doubt(self, names: Collection[str]) -> None:
+        """Topics with these names have other publishers: what is known of their pixels counts until a message comes."""
+        self._doubted |= {sampled for sampled in self._encodings if sampled[0] in names}
+
+    @property
+    def doubted(self) -> set[str]:
+        """The names of the topics whose encodings are in doubt."""
+        return {name for name, _ in self._doubted}
+
+    def certain(self, topics: Iterable[Topic]) -> list[Topic]:
+        """Return the topics without the encodings that are in doubt."""
+        return [replace(topic, encoding="") if _sampled(topic) in self._doubted else topic for topic in topics]
 
     def listen(self, unclear: Iterable[Topic]) -> set[str]:
         """Listen to these topics only, until each has sent a message.
 
-        Return the names of the images of which one may come at any moment.
+        Return the names of the images of which nothing is known and a message may come at any moment.
         """
         wanted = {_sampled(topic) for topic in list(unclear)[:MAX_AT_ONCE]}
         for sampled in self._listening.keys() - wanted:
@@ -63,7 +78,7 @@ class Sampler:
             self._waited_for.discard(sampled)
         for sampled in wanted - self._listening.keys():
             self._listening[sampled] = self._group.create_task(self._sample(sampled))
-        return {image_of(name) for name, _ in wanted - self._waited_for}
+        return {image_of(name) for name, _ in wanted - self._waited_for - self._encodings.keys()}
 
     async def _sample(self, sampled: _Sampled) -> None:
         told: asyncio.Future[str] = asyncio.get_running_loop().create_future()
@@ -90,6 +105,7 @@ class Sampler:
             log.info("%s: its points are not an image, so its camera gets no colour stream from them", name)
         self._listening.pop(sampled, None)
         self._waited_for.discard(sampled)
+        self._doubted.discard(sampled)
         await self._changed()
 
 

@@ -1,6 +1,6 @@
 """Finds topics that must be sampled before planning, since their names do not tell their stream."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from gateway.discovery.candidates import READERS, is_unclear, one_of_each_image, shows_colors
 from gateway.discovery.plan import DiscoverySettings, Plan, why_not
@@ -18,10 +18,13 @@ def unclear(topics: Iterable[Topic], wishes: DiscoverySettings) -> list[Topic]:
     return [topic for topic in one_of_each_image(looked_at)[0] if is_unclear(topic)]
 
 
-def unclear_clouds(topics: Iterable[Topic], wishes: DiscoverySettings, made: Plan) -> list[Topic]:
-    """Return the clouds that would give a camera its only colour if they are organised images.
+def unclear_clouds(
+    topics: Iterable[Topic], wishes: DiscoverySettings, made: Plan, doubted: Collection[str] = ()
+) -> list[Topic]:
+    """Return the clouds that would be the colour of a camera without another, were they known to be pictures.
 
-    Their names promise colours, but do not tell whether the clouds are organised.
+    Their names promise colours, but do not tell whether the clouds are organised. doubted: names of topics whose
+    encodings were known and are to be known anew, although they may be that colour already.
     """
     if not wishes.discover:
         return []
@@ -30,7 +33,7 @@ def unclear_clouds(topics: Iterable[Topic], wishes: DiscoverySettings, made: Pla
         for key, source in made.streams.items()
         if isinstance(key, StreamKey)
         and key.stream is Stream.POINTS
-        and StreamKey(key.camera, Stream.COLOR) not in made.streams
+        and _may_color(StreamKey(key.camera, Stream.COLOR), source.topic, made, doubted)
         and shows_colors(source.topic)
     }
     return [
@@ -38,3 +41,9 @@ def unclear_clouds(topics: Iterable[Topic], wishes: DiscoverySettings, made: Pla
         for topic in topics
         if topic.name in points and topic.type == ros_point_cloud.TYPE_NAME and not topic.encoding
     ]
+
+
+def _may_color(color: StreamKey, cloud: str, made: Plan, doubted: Collection[str]) -> bool:
+    """Return whether a camera has no colour, or one that is made of this cloud and in doubt."""
+    taken = made.streams.get(color)
+    return taken is None or (taken.topic == cloud and cloud in doubted)

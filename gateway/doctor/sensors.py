@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from statistics import median
 from typing import Final
 
-from gateway.doctor.advice import untranslated
+from gateway.doctor.advice import further, untranslated
 from gateway.doctor.evidence import Evidence, Failure, Graph, Heard, PublisherLook, StreamLook, Trouble
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 from gateway.doctor.sources import check_sources
@@ -235,7 +235,7 @@ def _check_heard(stream: StreamLook, publisher: PublisherLook, evidence: Evidenc
             Stage.SENSORS,
             subject,
             f"{publisher.node} sends depth, which is used as colour: {heard.unreadable}",
-            f"name it as depth: --topics {stream.key.camera.camera}/{Stream.DEPTH}={stream.topic}",
+            f"name it as depth: {further(f'{stream.key.camera.camera}/{Stream.DEPTH}', stream.topic, evidence)}",
         )
     elif heard.unreadable:
         yield problem(

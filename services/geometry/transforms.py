@@ -111,7 +111,7 @@ class TransformTree:
         rotation = np.array(transform.rotation, np.float64)
         rotation /= np.linalg.norm(rotation)
         if static:
-            self._fix(child, _Static(parent, transform.stamp_ns, matrix_of(translation, rotation)))
+            self._static[child] = _Static(parent, transform.stamp_ns, matrix_of(translation, rotation))
         else:
             self._move(child, parent, transform.stamp_ns, (translation, rotation))
 
@@ -196,12 +196,6 @@ class TransformTree:
         """Return whether a frame is known to have moved at a stamp or later."""
         moving = self._moving.get(child)
         return moving is not None and moving.stamps[-1] >= stamp_ns
-
-    def _fix(self, child: str, static: _Static) -> None:
-        self._static[child] = static
-        moving = self._moving.get(child)
-        if moving is not None and moving.stamps[-1] < static.stamp_ns - self._keep_ns:
-            self._forget(self._moving.pop(child), len(moving.stamps))
 
     def _move(self, child: str, parent: str, stamp_ns: int, pose: tuple[Numbers, Numbers]) -> None:
         moving = self._moving.get(child)

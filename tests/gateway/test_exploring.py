@@ -14,6 +14,7 @@ from gateway.node_names import node_name
 from gateway.offers import Offers
 from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
+from gateway.ros1.tcpros.publisher import Publication
 from gateway.settings import GatewaySettings
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from services.simulator.ros_master.master import RosMaster
@@ -36,6 +37,15 @@ class Rig:
     async def until_offered(self, *topics: str) -> None:
         """Wait until exactly these topics are offered."""
         await until(lambda: {stream.topic for stream in self.offers.streams()} == set(topics), f"offered: {topics}")
+
+    async def until_streams(self, *names: str) -> None:
+        """Wait until exactly the streams with these names are planned."""
+        await until(lambda: {key.name for key in self.explorer.plan.streams} == set(names), f"planned: {names}")
+
+
+async def until_subscribers(publication: Publication, count: int) -> None:
+    """Wait until so many listen."""
+    await until(lambda: publication.subscriber_count == count, f"{count} listen")
 
 
 @asynccontextmanager
@@ -211,6 +221,58 @@ async def test_a_topic_that_is_gone_is_listened_to_no_longer(master: RosMaster) 
         async with oak.advertise("/oak/image_raw", TYPE_NAME):
             await until(lambda: "/oak/image_raw" in rig.node.subscriptions(), "it is listened to")
         await until(lambda: "/oak/image_raw" not in rig.node.subscriptions(), "it is not")
+
+
+async def test_pixels_are_looked_at_again_when_a_driver_is_started_anew_and_count_until_then(
+    master: RosMaster,
+) -> None:
+    topic = "/oak/stereo/image_raw"
+
+    def offered() -> list[str]:
+        return [key.name for key in rig.explorer.plan.streams]
+
+    async with exploring(master.uri, hold_s=600) as rig:
+        for encoding, name, before in (
+            ("mono8", "stereo/color", []),
+            ("16UC1", "stereo/depth", ["stereo/color"]),
+            ("mono8", "stereo/color", ["stereo/depth"]),
+        ):
+            async with Node("/driver", master_uri=master.uri) as driver, driver.advertise(topic, TYPE_NAME) as sent:
+                await until_subscribers(sent, 1)
+                assert offered() == before
+                sent.publish(picture(encoding))
+                await rig.until_streams(name)
+                await until_subscribers(sent, 0)
+            await until(lambda: topic not in rig.explorer.published, "the master has forgotten it")
+            assert offered() == [name]
+
+
+async def test_pixels_are_looked_at_again_when_another_node_publishes_them(master: RosMaster) -> None:
+    topic = "/oak/stereo/image_raw"
+    async with exploring(master.uri, hold_s=600) as rig, AsyncExitStack() as stack:
+        for encoding, name in (("mono8", "stereo/color"), ("16UC1", "stereo/depth")):
+            node = await stack.enter_async_context(Node(f"/{name}", master_uri=master.uri))
+            sent = await stack.enter_async_context(node.advertise(topic, TYPE_NAME))
+            await until_subscribers(sent, 1)
+            sent.publish(picture(encoding))
+            await rig.until_streams(name)
+
+
+async def test_clouds_are_looked_at_again_when_a_driver_is_started_anew(master: RosMaster) -> None:
+    topic = "/camera/depth/color/points"
+
+    async with exploring(master.uri, hold_s=600) as rig:
+        for cloud, streams in (
+            (UNORDERED, ["camera/points"]),
+            (colored(), ["camera/color", "camera/points"]),
+            (UNORDERED, ["camera/points"]),
+        ):
+            async with Node("/driver", master_uri=master.uri) as driver, driver.advertise(topic, POINTS) as sent:
+                await until_subscribers(sent, 1)
+                sent.publish(bytes(cloud.data))
+                await until_subscribers(sent, 0)
+                await rig.until_streams(*streams)
+            await until(lambda: topic not in rig.explorer.published, "the master has forgotten it")
 
 
 async def test_a_driver_of_unordered_clouds_has_no_colour_until_it_is_started_anew(

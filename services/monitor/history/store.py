@@ -291,7 +291,7 @@ class Store:
 
     async def interrupt(self) -> bool:
         """Have SQLite fail at what it does now, as a statement whose task is cancelled goes on; False for others."""
-        if self._files is not None and not self._connection.closed:
+        if self._files is not None and not (self._connection.closed or self._connection.invalidated):
             driver: Any = (await self._connection.get_raw_connection()).driver_connection
             await driver.interrupt()
         return self._files is not None

@@ -16,9 +16,6 @@ RETRY_S: Final = 60.0
 CORRECT_S: Final = 2.0
 """How long history is corrected before the monitor may end: the next one goes on with it."""
 
-STEPS_S: Final = 0.5
-"""The wait between two rounds of steps, in which others write."""
-
 BREAK_OFF_S: Final = 0.05
 """How often a step that is under way when the monitor ends is broken off: it may have been between two statements."""
 
@@ -33,6 +30,7 @@ class Upkeep:
         self._is_trusted = False
         self._is_corrected = False
         self._believed_ns = 0
+        self._looked = asyncio.Event()
         self._ends = False
         self._store: Store | None = None
         self._due_s = 0.0
@@ -73,6 +71,7 @@ class Upkeep:
             self._is_corrected = False
             log.info("the clock of this machine is believed again")
         self._believed_ns = 0 if self._clock.doubt is not None else now_ns
+        self._looked.set()
         return correction
 
     async def correct(self, store: Store) -> bool:
@@ -93,9 +92,10 @@ class Upkeep:
         """Forget what is old until cancelled; a database that is slow at it holds up nothing else."""
         try:
             while True:
+                await self._looked.wait()
+                self._looked.clear()
                 if self._believed_ns and time.monotonic() >= self._due_s:
                     await self._prune_or_break_off(self._believed_ns)
-                await asyncio.sleep(STEPS_S)
         finally:
             await self._close()
 

@@ -168,12 +168,16 @@ def test_a_latched_message_has_no_rate_and_its_age_means_nothing() -> None:
     assert (finding.severity, finding.what) == (Severity.OK, "/camera sends one latched message, 100 bytes each")
 
 
-def test_depth_that_is_used_as_colour() -> None:
+@pytest.mark.parametrize("discover", [True, False])
+def test_depth_that_is_used_as_colour(*, discover: bool) -> None:
     depth = replace(heard(), unreadable="32FC1 pixels are depth, not colour")
-    finding = found(stream("front/color", TOPIC, IMAGE, publisher(IMAGE, depth)))
+    look = stream("front/color", TOPIC, IMAGE, publisher(IMAGE, depth))
+    seen = check_sensors(evidence(look, discover=discover))
+    (finding,) = (each for each in seen if each.subject == look.subject)
     assert finding.severity is Severity.PROBLEM
     assert finding.what == "/camera sends depth, which is used as colour: 32FC1 pixels are depth, not colour"
-    assert finding.advice == f"name it as depth: --topics front/depth={TOPIC}"
+    options = f"{'--discover ' if discover else ''}--topics front/depth={TOPIC}"
+    assert finding.advice == f"name it as depth: {options}"
 
 
 def test_messages_that_cannot_be_forwarded() -> None:

@@ -41,6 +41,23 @@ def test_a_bag_that_plays_two_sensors_on_one_topic() -> None:
     assert finding.what.endswith("/play sends frame 'lens' and frame 'rear'")
 
 
+def test_a_lens_that_focuses_or_zooms_is_one_sensor() -> None:
+    assert said("front/info", INFO, sender("/a", INFO, info(f=600.0), info(f=600.3), info(f=900.0))) == []
+
+
+def test_two_nodes_that_send_of_one_lens_while_it_focuses() -> None:
+    one, other = sender("/a", INFO, info(f=600.0), info(f=600.3)), sender("/b", INFO, info(f=600.6))
+    (finding,) = said("front/info", INFO, one, other)
+    assert (finding.severity, finding.what[:13]) == (Severity.NOTE, "/a and /b all")
+
+
+def test_two_lenses_of_which_one_zooms() -> None:
+    one, other = sender("/a", INFO, info(f=600.0), info(f=700.0)), sender("/b", INFO, info(f=800.0))
+    (finding,) = said("front/info", INFO, one, other)
+    assert finding.severity is Severity.PROBLEM
+    assert "/a sends the calibration of a lens of 600.0 to 700.0 pixels' focal length; /b" in finding.what
+
+
 def test_two_nodes_that_send_alike() -> None:
     (finding,) = said("front/color", IMAGE, sender("/a", IMAGE, image()), sender("/b", IMAGE, image(frame_id="/lens")))
     assert finding.severity is Severity.NOTE

@@ -298,8 +298,7 @@ def test_room_is_for_what_is_kept_now() -> None:
     made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S)]), static=False)  # a clock jumped
     assert budget.taken == SAMPLE_BYTES
     made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S + KEEP_NS + 1)]), static=True)
-    assert budget.taken == 0
-    made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S)]), static=False)
+    assert budget.taken == SAMPLE_BYTES
     made.flush()
     assert budget.taken == 0
 
@@ -316,6 +315,19 @@ def test_static_transforms_that_are_said_again_change_no_frame_that_moves_meanwh
         assert made.lookup("base", "camera", at)[0, 3] == 10.0 + n
         assert made.lookup("base", "camera", 2 * S)[0, 3] == 10.0
     assert made.rejected == {OUTDATED: 20}
+
+
+@pytest.mark.parametrize("behind", [0, KEEP_NS + 2 * S, 3600 * S])
+def test_static_transforms_that_are_said_again_by_another_clock_leave_what_moves_its_past(behind: int) -> None:
+    made = TransformTree()
+    for n in range(100):
+        at = 10_000 * S + n * S // 20
+        made.add(said("base", "camera", float(n), at=at - behind), static=False)
+        if n % 20 == 10:
+            made.add(said("base", "camera", 99.0, at=at), static=True)
+        assert made.lookup("base", "camera", at - behind)[0, 3] == n
+        assert made.lookup("base", "camera", 10_000 * S - behind)[0, 3] == 0
+    assert made.rejected == ({OUTDATED: 5} if not behind else {})
 
 
 def test_the_order_in_which_both_topics_arrive_changes_nothing() -> None:
