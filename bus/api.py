@@ -18,9 +18,10 @@ class QoS(Enum):
     IMAGE = "image"
     """Best effort, low priority, dropped under congestion; only the newest message waits."""
     MESSAGE = "message"
-    """Dropped under congestion. Small ones, of up to SMALL_BYTES, wait in order, at most SMALL_WAITING of them; they
-    have the priority of STATUS, so they may overtake large ones. A large one travels like IMAGE and replaces all that
-    wait."""
+    """Dropped under congestion. Small ones, of up to SMALL_BYTES, wait in order until Zenoh takes them, at most
+    SMALL_WAITING of them; they have the priority of STATUS, so they may overtake large ones. Zenoh drops what a
+    link has no room for within a millisecond, and `dropped` does not count that: a burst of more than about 60 kB may
+    lose some. A large one travels like IMAGE and replaces all that wait."""
     LATCHED = "latched"
     """Like IMAGE, but reliable, and the last one reaches late subscribers."""
     RESULT = "result"
