@@ -97,6 +97,8 @@ def has_own_depth(window: Window, depth_m: Depths) -> bool:
     window: a mask with a margin of at least 5 pixels, as far as the image goes. depth_m: metres along the optical axis
     of the window's pixels, height x width; NaN or 0 for no reading.
     """
+    if not window.pixels.any():
+        return True  # an empty mask has no readings to judge
     read = depth_m > 0
     core_share = read[_core(window)].mean()
     if core_share >= _CORE_SHARE:  # whatever is read around it
