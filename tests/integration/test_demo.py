@@ -122,4 +122,4 @@ def test_a_process_that_fails_ends_the_demo_with_its_reason(tmp_path: Path) -> N
         said, _ = running.communicate(timeout=PATIENCE_S)
     assert running.returncode == EXIT_FAILED
     assert "detector ended with exit code 2: fleetsight detector: --model" in said
-    assert f"not a model that can be used: {model}" in said
+    assert f"{model}: not a model that can be used" in said
