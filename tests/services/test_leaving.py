@@ -19,9 +19,12 @@ from services.toolbox.demo.children import free_ports
 LONG_S = 8.0
 
 
-@pytest.mark.parametrize(("process", "kind"), [(cloud, CloudSettings), (distance, DistanceSettings)])
+@pytest.mark.parametrize(
+    ("process", "worker", "kind"),
+    [(cloud, "CloudWorker", CloudSettings), (distance, "DistanceWorker", DistanceSettings)],
+)
 async def test_leaving_waits_for_nothing_that_is_being_measured(
-    process: ModuleType, kind: type[CloudSettings | DistanceSettings], monkeypatch: pytest.MonkeyPatch
+    process: ModuleType, worker: str, kind: type[CloudSettings | DistanceSettings], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun, may_end = threading.Event(), threading.Event()
 
@@ -39,7 +42,7 @@ async def test_leaving_waits_for_nothing_that_is_being_measured(
         async def run(self) -> None:
             await asyncio.Event().wait()
 
-    monkeypatch.setattr(process, "Worker", Busy)
+    monkeypatch.setattr(process, worker, Busy)
     listen = [f"tcp/127.0.0.1:{free_ports(1)}"]
     settings = kind.model_validate({"mode": "router", "listen": listen, "connect": []})
     running = asyncio.create_task(process.run(settings))
