@@ -115,7 +115,8 @@ async def test_an_image_whose_caller_waits_no_longer_is_decoded_alone(
         return frame_of(data)
 
     monkeypatch.setattr(requests, "frame_of", decode)
-    with pytest.raises(RequestTimeoutError):
+    # The worker keeps the caller's deadline too: on a busy machine its word may come first.
+    with pytest.raises((RequestTimeoutError, RefusedError), match=r"no answer within|not done in time"):
         await bus.request(worker_keys.infer("w1"), png(), timeout_s=0.1)
     assert await asyncio.to_thread(begun.acquire, timeout=60)
     with pytest.raises(RefusedError, match="busy: still decoding an image"):

@@ -87,7 +87,7 @@ def test_a_container_that_has_used_up_its_quota_is_busy_while_the_machine_is_idl
     assert use is not None
     assert use.count == 0.5
     assert use.busy == pytest.approx(0.98)
-    assert str(use).startswith("too slow for this, ages and drops come of that (0.5 processors, 98% busy, ")
+    assert str(use).startswith("too slow for this (0.5 processors, 98% busy, ")
 
 
 def test_processes_that_it_started_count_as_its_own() -> None:
