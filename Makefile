@@ -5,7 +5,7 @@ SECONDS ?=
 ROBOTS ?= 3
 BENCHMARKS ?=
 REPEAT ?= 1
-JOBS ?= 3
+JOBS ?= 2
 
 .PHONY: demo test lint types tests ros postgresql chromium nginx screenshots bench fuzz clean help
 
