@@ -52,7 +52,7 @@ class SharedFrames:
         """Return the payload's copy in shared memory, or the payload itself if it is small or memory is short.
 
         None while subscribers hold all the room: the payload is to be dropped. One that stands still holds up the
-        stream's others for less than PATIENCE payloads and PATIENCE_S.
+        stream's others for less than PATIENCE payloads and READER_TIMEOUT_S.
         """
         size = len(payload)
         if size < SMALLEST_BYTES:

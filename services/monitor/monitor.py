@@ -116,7 +116,7 @@ class Monitor:
         return self.history.acts.of(alert_id)
 
     def known_until_ns(self, alert: Alert) -> int | None:
-        """Return when an alert's condition was last confirmed; None if it is current, see `doubt`."""
+        """Return when an alert's condition was last confirmed; None if it is current."""
         return known_until_ns(alert, self.fleet.inventory, time.time_ns())
 
     def acknowledge(self, alert_id: str, by: str) -> Alert:
