@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from schemas.detections import ClassList
 from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
-from services.monitor.fleet import MAX_LAG_NS
+from services.monitor.clocks import MAX_LAG_NS
 from services.monitor.inventory.sighting import NS
 
 PATIENCE_NS: Final = 2 * NS

@@ -16,6 +16,9 @@ MAX_UNCERTAINTY_NS: Final = 100_000_000
 REMEMBERED_S: Final = MAX_UNCERTAINTY_NS / 1e9 / MAX_DRIFT
 """Seconds for which an offset stays accurate enough without a new reading."""
 
+MAX_LAG_NS: Final = 3_600_000_000_000
+"""Larger lags are ignored: the gateway's clock was set, or is wrong."""
+
 
 @dataclass(slots=True)
 class _Clock:

@@ -12,7 +12,7 @@ from schemas.distances import Distances
 from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
 from schemas.status import GatewayStatus, WorkerStatus
-from services.monitor.clocks import Clocks
+from services.monitor.clocks import MAX_LAG_NS, Clocks
 from services.monitor.fleet_problems import NAMESAKES, THIN_LINK, DuplicateGateways, problems_of
 from services.monitor.formats import cameras_in_order, natural_camera
 from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, TrustLimits, make_room
@@ -28,9 +28,6 @@ LATE_NS: Final = 2 * NS
 LATE_FOR_NS: Final = 10 * NS
 """No mere outage held up lists that keep coming for so long and were longer than LATE_NS on their way: what it held up
 comes at once. It is over when none came for as long."""
-
-MAX_LAG_NS: Final = 3_600 * NS
-"""Larger lags are ignored: the gateway's clock was set, or is wrong."""
 
 
 class Age(msgspec.Struct, frozen=True, gc=False):

@@ -1,16 +1,22 @@
-"""Order of names and rounding of figures wherever the monitor shows or exports them. Pure."""
+"""Order of names, rounding, times and CSV cells wherever the monitor shows or exports them. Pure."""
 
 import re
 from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
 from functools import lru_cache
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 from schemas.keys import CameraKey
 
 T = TypeVar("T")
 
+EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
+
 DIGITS: Final = 3
 """Digits after the decimal point: millimetres, milliseconds and thousandths, the precision of all data here."""
+
+FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
+"""Leading characters that make spreadsheets evaluate text: classes and workers may have any name."""
 
 
 def rounded(value: T) -> T:
@@ -37,3 +43,21 @@ def cameras_in_order(keys: Iterable[CameraKey]) -> tuple[CameraKey, ...]:
 @lru_cache(maxsize=4)
 def _in_order(keys: tuple[CameraKey, ...]) -> tuple[CameraKey, ...]:
     return tuple(sorted(keys, key=natural_camera))
+
+
+def moment(ns: int) -> datetime:
+    """Return a UTC time with microseconds; out-of-range times become the last valid one."""
+    try:
+        return EPOCH + timedelta(microseconds=ns // 1_000)
+    except OverflowError:
+        return datetime.max.replace(tzinfo=UTC)
+
+
+def epoch_ns(at: datetime) -> int:
+    """Return nanoseconds since the epoch; a time without a zone is local."""
+    return round(at.timestamp() * 1e6) * 1_000
+
+
+def as_text(value: Any) -> Any:
+    """Return a CSV cell that no spreadsheet evaluates: text that begins like a formula gets a leading `'`."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value

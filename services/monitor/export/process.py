@@ -10,8 +10,9 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, Select, Table, case, select
 from sqlalchemy.ext.asyncio import AsyncEngine
 
-from services.monitor.export.settings import ExportSettings, epoch_ns
+from services.monitor.export.settings import ExportSettings
 from services.monitor.export.writing import write_csv, write_parquet
+from services.monitor.formats import epoch_ns
 from services.monitor.history.engine import engine_of, translating
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.opening import connect

@@ -1,6 +1,6 @@
 """Settings of the export."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, Self
@@ -20,10 +20,10 @@ from pydantic import (
 
 from schemas.errors import SchemaError
 from schemas.keys import check_name
+from services.monitor.formats import epoch_ns
 from services.monitor.history.settings import NONE, HistoryUrl, default_url
 from services.option_names import given_as_options
 
-EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 FIRST_YEAR: Final = 1970
 LAST_YEAR: Final = 2261
 """The last full year that 64-bit nanoseconds since the epoch can hold in any time zone."""
@@ -110,19 +110,6 @@ class ExportSettings(BaseModel):
         if history == NONE:
             raise ValueError("there is no history to export")
         return history
-
-
-def moment(ns: int) -> datetime:
-    """Return a UTC time with microseconds; out-of-range times become the last valid one."""
-    try:
-        return EPOCH + timedelta(microseconds=ns // 1_000)
-    except OverflowError:
-        return datetime.max.replace(tzinfo=UTC)
-
-
-def epoch_ns(at: datetime) -> int:
-    """Return nanoseconds since the epoch; a time without a zone is local."""
-    return round(at.timestamp() * 1e6) * 1_000
 
 
 LAST_NS: Final = epoch_ns(datetime(LAST_YEAR, 12, 31, tzinfo=UTC))

@@ -7,17 +7,13 @@ from typing import Any, Final, TextIO
 
 from sqlalchemy import Table
 
-from services.monitor.export.settings import moment
-from services.monitor.formats import rounded
+from services.monitor.formats import as_text, moment, rounded
 
 TIME: Final = "_ns"
 """Suffix of nanosecond time columns; exported ones drop it and are UTC to the microsecond."""
 
 AS_IN_JSON: Final = {"name": "class", "first_ns": "first_seen"}
 """Columns that have another name in the HTTP API: files use the API's."""
-
-FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
-"""Leading characters that make spreadsheets evaluate text: classes and workers may have any name."""
 
 
 async def write_csv(
@@ -45,11 +41,6 @@ def exported(row: Mapping[str, Any]) -> dict[str, Any]:
         exported_name(name): moment(value).isoformat(timespec="microseconds") if name.endswith(TIME) else rounded(value)
         for name, value in row.items()
     }
-
-
-def as_text(value: Any) -> Any:
-    """Return a CSV cell that no spreadsheet evaluates: text that begins like a formula gets a leading `'`."""
-    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
 def write_parquet(source: Path, target: Path, table: Table) -> None:

@@ -4,11 +4,10 @@ from collections.abc import Iterator, Mapping
 from typing import Self
 
 from schemas.keys import CameraKey
+from services.monitor.history.intervals import CameraClass
 from services.monitor.history.ledger import Ledger, StoredInterval
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory
-
-Place = tuple[CameraKey, str]
 
 
 class Disagreement(StoredInterval, frozen=True, gc=False):
@@ -22,7 +21,7 @@ class Disagreement(StoredInterval, frozen=True, gc=False):
     other_model: str
 
     @property
-    def place(self) -> Place:
+    def place(self) -> CameraClass:
         """The place of the disagreement."""
         return (self.key, self.name)
 

@@ -9,7 +9,8 @@ from schemas.keys import CameraKey
 from services.monitor.history.ledger import Ledger, StoredInterval
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 
-Place = tuple[CameraKey, str]
+CameraClass = tuple[CameraKey, str]
+"""A camera and a class in view of it."""
 
 
 class Interval(StoredInterval, frozen=True, gc=False):
@@ -28,7 +29,7 @@ class Interval(StoredInterval, frozen=True, gc=False):
     worker: str
 
     @property
-    def place(self) -> Place:
+    def place(self) -> CameraClass:
         """The robot, camera and class of the interval."""
         return (self.key, self.name)
 

@@ -9,7 +9,7 @@ from html import escape
 from typing import Final, Self
 
 from services.monitor.map.floor_plan import FloorPlan
-from services.monitor.map.pose import Pose
+from services.monitor.map.pose import DrawnRobot
 from services.monitor.map.sighting_places import Mark
 
 NS: Final = 1_000_000_000
@@ -29,15 +29,6 @@ FARTHEST_M: Final = 100_000.0
 
 SEED: Final = 645
 """Chosen so that colours of the shipped model's classes are far apart, and close to those of overlays."""
-
-
-@dataclass(frozen=True, slots=True)
-class DrawnRobot:
-    """A robot to draw. live: its pose is current."""
-
-    name: str
-    pose: Pose
-    live: bool
 
 
 @dataclass(frozen=True, slots=True)

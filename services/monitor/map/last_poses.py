@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from services.monitor.inventory.inventory import MAX_MEMBERS
-from services.monitor.map.drawing import DrawnRobot
-from services.monitor.map.pose import Pose
+from services.monitor.map.pose import DrawnRobot, Pose
 from services.monitor.map.sighting_places import FORGET_NS
 
 LOST_NS: Final = 5_000_000_000
 """Age from which a pose is no longer current."""
 
-MOST: Final = MAX_MEMBERS
+MAX_POSES: Final = MAX_MEMBERS
 """Maximum number of poses kept, the newest ones: as many as robots are followed."""
 
 
@@ -38,7 +37,7 @@ class LastPoses:
         for name, pose in poses.items():
             self._known[name] = _Known(pose, now_ns)
             self._known.move_to_end(name)
-        while len(self._known) > MOST:
+        while len(self._known) > MAX_POSES:
             self._known.popitem(last=False)
 
     def take_seen(self, poses: Mapping[str, Pose]) -> None:

@@ -30,6 +30,15 @@ class Pose:
     at_ns: int
 
 
+@dataclass(frozen=True, slots=True)
+class DrawnRobot:
+    """A robot to draw. live: its pose is current."""
+
+    name: str
+    pose: Pose
+    live: bool
+
+
 APART_M: Final = 0.3
 """Minimum distance of two objects that tells a robot's heading; their places are one measurement in two frames."""
 

@@ -8,7 +8,7 @@ import msgspec
 from schemas.alerts import MAX_TEXT, Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change
-from services.monitor.rules import alert_texts
+from services.monitor.rules.alert_texts import offline_text
 from services.monitor.rules.alert_times import had_escalated, set_back
 from services.monitor.rules.findings import CameraState, Finding, findings, found_in
 from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
@@ -129,7 +129,7 @@ class RuleEngine:
             if len(self._robots) < MAX_SUBJECTS:
                 self._robots[robot] = rules
         for rule in rules:
-            found = Finding("", None if alive is None else not alive, alert_texts.offline(robot))
+            found = Finding("", None if alive is None else not alive, offline_text(robot))
             self._find(rule, (robot, "", ""), found, now_ns)
 
     def has_room_again(self) -> bool:

@@ -7,7 +7,15 @@ import msgspec
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import Change, ChangeKind
-from services.monitor.rules import alert_texts
+from services.monitor.rules.alert_texts import (
+    appeared_text,
+    disagree_text,
+    disappeared_text,
+    nearer_text,
+    over_text,
+    silent_text,
+    under_text,
+)
 from services.monitor.rules.model import (
     AnyRule,
     AppearsRule,
@@ -70,12 +78,12 @@ def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:
         case OverRule() if look.speaks:
             count = look.counts.get(rule.of, 0)
             over = count > rule.count
-            text = alert_texts.over(rule.of, look.key, count, rule.count) if over else ""
+            text = over_text(rule.of, look.key, count, rule.count) if over else ""
             yield Finding(rule.of, over if over or look.settled else None, text)
         case UnderRule() if look.speaks:
             count = look.counts.get(rule.of, 0)
             under = count < rule.count
-            text = alert_texts.under(rule.of, look.key, count, rule.count) if under else ""
+            text = under_text(rule.of, look.key, count, rule.count) if under else ""
             yield Finding(rule.of, under if look.settled or not under else None, text)
         case NearerRule() if look.speaks:
             yield _nearer(rule, look)
@@ -95,10 +103,10 @@ def found_in(change: Change, rule: AnyRule) -> Finding | None:
     match change.kind:
         case ChangeKind.APPEARED:
             appears = isinstance(rule, AppearsRule)
-            text = alert_texts.appeared(of.name, of.key)
+            text = appeared_text(of.name, of.key)
             return None if appears and change.first_look else Finding(of.name, appears, text)
         case ChangeKind.VANISHED:
-            return Finding(of.name, isinstance(rule, DisappearsRule), alert_texts.disappeared(of.name, of.key))
+            return Finding(of.name, isinstance(rule, DisappearsRule), disappeared_text(of.name, of.key))
         case ChangeKind.COUNTED | ChangeKind.LOST:
             return None
         case _:
@@ -110,7 +118,7 @@ def _silent(look: CameraState) -> Finding:
         return Finding("", holds=False)
     if look.silent_ns is None:
         return Finding("", holds=None)
-    return Finding("", holds=True, text=alert_texts.silent(look.key), since_ns=look.silent_ns)
+    return Finding("", holds=True, text=silent_text(look.key), since_ns=look.silent_ns)
 
 
 def _nearer(rule: NearerRule, look: CameraState) -> Finding:
@@ -121,7 +129,7 @@ def _nearer(rule: NearerRule, look: CameraState) -> Finding:
         return Finding(rule.of, holds=None)
     if nearest is None or nearest >= rule.than_m:
         return Finding(rule.of, holds=False)
-    text = alert_texts.nearer(rule.of, look.key, nearest, rule.than_m)
+    text = nearer_text(rule.of, look.key, nearest, rule.than_m)
     return Finding(rule.of, holds=True, text=text)
 
 
@@ -131,5 +139,5 @@ def _disagreements(rule: DisagreeRule, look: CameraState) -> Iterator[Finding]:
         if counts is None:
             yield Finding(name, holds=False if look.complete and look.settled else None)
         else:
-            text = alert_texts.disagree(name, look.key, counts)
+            text = disagree_text(name, look.key, counts)
             yield Finding(name, holds=True, text=text)

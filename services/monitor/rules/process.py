@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 from schemas.alerts import AlertState
 from schemas.printing import printable
-from services.monitor.export.settings import epoch_ns
+from services.monitor.formats import epoch_ns
 from services.monitor.history.disagreements import Disagreement
 from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import Presence

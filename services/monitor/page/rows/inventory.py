@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Final
 
-from services.monitor.export.writing import as_text
-from services.monitor.formats import natural, natural_camera, rounded
+from services.monitor.formats import as_text, natural, natural_camera, rounded
 from services.monitor.inventory.inventory import Entry
 from services.monitor.page.formatting import NOTHING, ago, iso
 from services.monitor.page.rows.templates import WHEN

@@ -5,7 +5,7 @@ import time
 from fastapi import APIRouter, HTTPException, Request
 
 from bus.reporting import VERSION
-from services.monitor.export.settings import moment
+from services.monitor.formats import moment
 from services.monitor.history.errors import HistoryError
 from services.monitor.monitor import Monitor
 from services.monitor.web.api.models import HistoryAnswer, MeAnswer, RulesAnswer, StatusAnswer

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Path, Request
 
 from schemas.alerts import Alert, AlertState
-from services.monitor.export.settings import moment
+from services.monitor.formats import moment
 from services.monitor.history.operator_actions import Act
 from services.monitor.monitor import Monitor
 from services.monitor.web.api.models import AlertAnswer, Page, alert_answer

@@ -9,8 +9,7 @@ from typing import Any
 import msgspec
 from fastapi import Response
 
-from services.monitor.export.settings import moment
-from services.monitor.formats import rounded
+from services.monitor.formats import moment, rounded
 from services.monitor.inventory.inventory import Entry
 from services.monitor.snapshot import CameraLine, RobotLine
 from services.monitor.web.api.models import Part, known_moment

@@ -9,7 +9,7 @@ from typing import Final, Literal, get_args
 from schemas.alerts import Alert
 from schemas.status import GatewayStatus
 from services.monitor.event_loop import in_turns
-from services.monitor.export.settings import moment
+from services.monitor.formats import moment
 from services.monitor.history.errors import HistoryError
 from services.monitor.history.operator_actions import Act
 from services.monitor.inventory.inventory import Entry

@@ -15,7 +15,8 @@ from starlette.background import BackgroundTask
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.export.process import export
-from services.monitor.export.settings import LAST_NS, ExportSettings, epoch_ns, moment, written_like
+from services.monitor.export.settings import LAST_NS, ExportSettings, written_like
+from services.monitor.formats import epoch_ns, moment
 from services.monitor.history.archive import AlertPlace, HistoryQuery, SightingPlace
 from services.monitor.history.intervals import Interval
 from services.monitor.history.operator_actions import Act

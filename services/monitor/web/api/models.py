@@ -8,8 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from schemas.alerts import Alert, AlertState, Severity
 from schemas.status import GatewayStatus
-from services.monitor.export.settings import moment
-from services.monitor.formats import rounded
+from services.monitor.formats import moment, rounded
 from services.monitor.history.intervals import Interval
 from services.monitor.history.operator_actions import Act
 from services.monitor.snapshot import WorkerLine

@@ -8,7 +8,7 @@ import msgspec
 from bus.fake import FakeNetwork
 from schemas.alerts import Alert, AlertState, Severity
 from schemas.status import WorkerStatus
-from services.monitor.export.settings import epoch_ns
+from services.monitor.formats import epoch_ns
 from services.monitor.history.operator_actions import Act
 from services.monitor.monitor import Monitor
 from services.monitor.page.health import facts
