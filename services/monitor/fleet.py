@@ -12,12 +12,12 @@ from schemas.distances import Distances
 from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
 from schemas.status import GatewayStatus, WorkerStatus
-from services.monitor.clocks import MAX_LAG_NS, Clocks
 from services.monitor.fleet_problems import NAMESAKES, THIN_LINK, DuplicateGateways, problems_of
 from services.monitor.formats import cameras_in_order, natural_camera
 from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, TrustLimits, make_room
 from services.monitor.inventory.sighting import NS, Change
-from services.monitor.map.sighting_places import SightingMap
+from services.monitor.map.last_seen import SightingMap
+from services.monitor.robot_clocks import MAX_LAG_NS, Clocks
 
 RATE_WINDOW_S: Final = 5.0
 STALE_S: Final = 3.0

@@ -12,17 +12,16 @@ from schemas.alerts import Alert, AlertState
 from schemas.worker_keys import DETECTOR, OPINION
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.event_loop import in_turns
+from services.monitor.event_loop import CachedValue, in_turns
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.keeper import HistoryKeeper
-from services.monitor.history.operator_actions import Act
+from services.monitor.history.state import Act
 from services.monitor.inventory.inventory import Entry
 from services.monitor.map.floor_plan import FloorPlan
-from services.monitor.recent import CachedValue
+from services.monitor.rules.loading import remarks
 from services.monitor.rules.model import RuleBook
-from services.monitor.rules.unknown_names import remarks
 from services.monitor.settings import MonitorSettings
 from services.monitor.snapshot import FleetView, Snapshot, SnapshotMaker, Workers, known_until_ns
 

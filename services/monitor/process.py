@@ -18,21 +18,21 @@ from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.clock_holdback import Arrival, ClockHoldback
 from services.monitor.display import Problems, show
 from services.monitor.event_loop import AT_ONCE, arrivals_in_turns, in_turns, keep_collections_short
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health, Heartbeat
 from services.monitor.history.archive import Archive
-from services.monitor.history.errors import HistoryError, OtherVersionError
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import NONE
+from services.monitor.history.state import HistoryError, OtherVersionError
 from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.join_address import how_to_join
 from services.monitor.map.floor_plan_file import load_floor_plan
 from services.monitor.monitor import Monitor
 from services.monitor.requests import answer_inventory, measure_clocks
+from services.monitor.robot_clocks import Arrival, ClockHoldback
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.process import Web

@@ -1,16 +1,18 @@
-"""Settings of the monitor: page and API, inventory, alerts and the files they use."""
+"""Settings of the monitor, of `fleetsight users` and of `fleetsight rules test`."""
 
 import os
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, Field, HttpUrl, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, Field, HttpUrl, ValidationInfo, field_validator, model_validator
 
 from bus.session.links import host_of, is_unspecified
 from bus.settings import BusSettings, Endpoint, port_of
-from services.monitor.history.settings import HistorySettings
+from services.monitor.history.settings import HistorySettings, HistoryUrl, Moment, default_url
 from services.monitor.inventory.inventory import TrustLimits
 from services.monitor.inventory.sighting import NS, Debounce
+from services.monitor.web.auth.users import Role
+from services.option_names import given_as_options
 
 Lists = Annotated[int, Field(ge=1, le=100)]
 Seconds = Annotated[float, Field(ge=0, le=3600)]
@@ -133,3 +135,49 @@ class MonitorSettings(WebSettings, AlertingSettings, InventorySettings, HistoryS
         if isinstance(given, dict) and given.get("mode") == "client":
             return {"listen": [], "connect": ["tcp/127.0.0.1:7447"], **given}
         return given
+
+
+class UsersSettings(BaseModel):
+    """Manage the users of a monitor. Passwords are prompted for, or read from standard input.
+
+    `reset` gives another password or role and ends every session and token of theirs, as `remove` does; `token` prints
+    a token for a program that does what this user may. A running monitor knows within seconds. Only `add` makes a
+    database where there is none.
+    """
+
+    task: Annotated[Literal["add", "reset", "remove", "list", "token"], Field(description="what to do")]
+    name: Annotated[str, Field(description="the user")] = ""
+    role: Annotated[
+        Role | None,
+        Field(description="viewer: may only read; operator: may also act on alerts and robots (default: viewer)"),
+    ] = None
+    days: Annotated[float, Field(gt=0, le=3_650, description="days for which a token is valid")] = 365
+    history: Annotated[
+        HistoryUrl, Field(description="history database of the monitor; none if it keeps no history")
+    ] = Field(default_factory=default_url)
+
+    @model_validator(mode="after")
+    def _gives_a_role_to_somebody(self, info: ValidationInfo) -> Self:
+        if self.role is not None and "role" in given_as_options(self, info) and self.task not in {"add", "reset"}:
+            raise ValueError(f"{self.task} takes no --role; only add and reset do")
+        return self
+
+    @model_validator(mode="after")
+    def _gives_days_to_a_token(self, info: ValidationInfo) -> Self:
+        if "days" in given_as_options(self, info) and self.task != "token":
+            raise ValueError(f"{self.task} takes no --days; only token does")
+        return self
+
+
+class RulesSettings(BaseModel):
+    """Test a rule file on a monitor's history: print each alert that it would have raised.
+
+    A mistake in the file is shown with its line.
+    """
+
+    task: Annotated[Literal["test"], Field(description="what to do")]
+    file: Annotated[RegularFile, Field(description="the rule file")]
+    history: Annotated[HistoryUrl, Field(description="history database of the monitor")] = Field(
+        default_factory=default_url
+    )
+    since: Annotated[Moment | None, Field(description="skip what ended before this time (2026-11-20T06:00)")] = None

@@ -5,8 +5,7 @@ import pytest
 
 from gateway.settings import GatewaySettings
 from services.detector.settings import DetectorSettings
-from services.monitor.settings import MonitorSettings
-from services.monitor.users.settings import UsersSettings
+from services.monitor.settings import MonitorSettings, UsersSettings
 from services.toolbox.settings import load
 from tests.deploy.units import command, example, unit, values
 

@@ -10,7 +10,7 @@ import pytest_asyncio
 from axe_playwright_python.async_playwright import Axe
 from playwright.async_api import Browser, Page, expect
 
-from services.monitor.web.auth.forms import link_needed, log_in_form, notice, set_up_form
+from services.monitor.web.auth.routes import link_needed, log_in_form, notice, set_up_form
 from tests.integration.browser import PATIENCE_MS, Scheme, Size, looking, open_browser
 from tests.integration.sights import robot_on
 from tests.integration.warehouse import Robot, Warehouse, warehouse

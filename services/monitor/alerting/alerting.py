@@ -17,7 +17,7 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome, Webhooks
 from services.monitor.event_loop import in_turns
 from services.monitor.health import Heartbeat
-from services.monitor.history.operator_actions import Act
+from services.monitor.history.state import Act
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.camera_liveness import SpeakingCameras
 from services.monitor.inventory.inventory import MAX_MEMBERS, SETTLE_NS, Inventory

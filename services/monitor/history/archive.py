@@ -25,12 +25,11 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from schemas.alerts import Alert, AlertState
 from services.monitor.history.counting import Counts, count_over_time, in_view, nothing_counted, spoken_for
 from services.monitor.history.engine import CASEFOLD, engine_of, translating
-from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.opening import connect
-from services.monitor.history.operator_actions import Act
 from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row
 from services.monitor.history.settings import NONE
+from services.monitor.history.state import Act, HistoryError
 from services.monitor.history.tables import UNRESOLVED, acts, alerts, heartbeat, intervals, lasted
 from services.monitor.inventory.sighting import NS
 

@@ -12,23 +12,27 @@ from typing import Final
 from schemas.alerts import Alert
 from services.monitor.event_loop import in_turns, uninterrupted
 from services.monitor.history.clock_trust import Correction
-from services.monitor.history.disagreements import Disagreements
 from services.monitor.history.engine import translating
-from services.monitor.history.errors import HistoryError, OtherVersionError
-from services.monitor.history.intervals import Sightings
+from services.monitor.history.intervals import Disagreements, Sightings, Silence
 from services.monitor.history.ledger import Ledger, StoredInterval
-from services.monitor.history.operator_actions import Act, Acts, at_other_times, resolved
-from services.monitor.history.pausing import Silence
 from services.monitor.history.presence import RESTORED_NS, WRITE_S, Attendance, KnownPoses, Presence
-from services.monitor.history.restored_state import Kept
 from services.monitor.history.settings import NONE, HistorySettings
-from services.monitor.history.status import HistoryStatus
+from services.monitor.history.state import (
+    Act,
+    Acts,
+    HistoryError,
+    HistoryStatus,
+    Kept,
+    OtherVersionError,
+    at_other_times,
+    resolved,
+)
 from services.monitor.history.store import UNHEARD_S, Store
 from services.monitor.history.upkeep import Upkeep
 from services.monitor.history.webhook_backlog import Nothing, Owed, Owing
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.sighting import NS, Change
-from services.monitor.map.sighting_places import FORGET_NS, SightingMap
+from services.monitor.map.last_seen import FORGET_NS, SightingMap
 
 log = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from services.monitor.history.engine import file_of, name_of, private_file, translating
-from services.monitor.history.errors import HistoryError, OtherVersionError
+from services.monitor.history.state import HistoryError, OtherVersionError
 from services.monitor.history.tables import (
     SCHEMA_VERSION,
     clock_correction,

@@ -8,8 +8,8 @@ from services.monitor.history.ledger import Ledger, StoredInterval
 from services.monitor.inventory.camera_liveness import SpeakingCameras
 from services.monitor.inventory.inventory import SETTLE_NS, Inventory
 from services.monitor.inventory.sighting import NS
+from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.pose import Pose
-from services.monitor.map.sighting_places import SightingMap
 
 Place = tuple[str, str]
 """A robot and its camera; the latter is empty for the robot itself."""

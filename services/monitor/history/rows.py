@@ -8,11 +8,10 @@ from sqlalchemy import Row, Table
 
 from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey, check_name
-from services.monitor.history.disagreements import Disagreement
-from services.monitor.history.intervals import Interval
+from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.ledger import StoredInterval
-from services.monitor.history.operator_actions import Act
 from services.monitor.history.presence import Presence
+from services.monitor.history.state import Act
 from services.monitor.history.tables import disagreements, intervals, presence
 from services.monitor.map.pose import Pose
 

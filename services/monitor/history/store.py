@@ -13,7 +13,6 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import Alert
 from services.monitor.history.clock_trust import Correction, Doubt
-from services.monitor.history.correcting import begin_correcting, correct_some
 from services.monitor.history.engine import (
     LEADER,
     TELL_NAME,
@@ -25,14 +24,11 @@ from services.monitor.history.engine import (
     read_name,
     translating,
 )
-from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.opening import connect
-from services.monitor.history.operator_actions import Act
 from services.monitor.history.presence import Place, Presence
-from services.monitor.history.pruning import Pruning, shrink
-from services.monitor.history.restored_state import Kept
+from services.monitor.history.row_maintenance import Pruning, begin_correcting, correct_some, shrink
 from services.monitor.history.rows import (
     TABLES,
     act_of_row,
@@ -44,6 +40,7 @@ from services.monitor.history.rows import (
     row_of_lasting,
     row_of_pose,
 )
+from services.monitor.history.state import Act, HistoryError, Kept
 from services.monitor.history.tables import (
     UNRESOLVED,
     Upsert,

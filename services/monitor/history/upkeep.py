@@ -6,7 +6,7 @@ import time
 from typing import Final
 
 from services.monitor.history.clock_trust import DAY_NS, FAR_NS, ClockTrust, Correction
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 
 log = logging.getLogger(__name__)

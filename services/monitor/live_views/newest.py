@@ -1,6 +1,7 @@
-"""The newest message of a stream of pictures or clouds, shared by all viewers."""
+"""The newest pictures, class lists and clouds of cameras, and all live views of one monitor."""
 
 import asyncio
+from collections.abc import Callable
 from typing import Final, Generic, TypeVar
 
 from bus import LATEST, QUEUE, Bus, Latest, Queue, Sample
@@ -13,6 +14,8 @@ from schemas.image import ImageFrame
 from schemas.keys import Stream, StreamKey
 from schemas.objects import ObjectClouds
 from services.monitor.live_views.shared import Shared
+from services.monitor.map.following import robots
+from services.monitor.map.last_seen import LastPoses
 
 MOST_STREAMS: Final = 64
 """Maximum number of different streams watched through one monitor at the same time."""
@@ -109,3 +112,18 @@ def _read(sample: Sample, key: StreamKey, schema: type[M]) -> M:
     assert isinstance(message, ImageFrame | ObjectClouds | ClassList)  # noqa: S101 - those that are asked for
     codec.check_identity(message.header, key.camera)
     return message
+
+
+class Views:
+    """pictures: overlays. lists: class lists by frame. clouds: of objects. robots: their poses.
+
+    Each is subscribed to while somebody looks.
+    last_poses: where robots were when somebody looked. is_forgotten: see `LastPoses`.
+    """
+
+    def __init__(self, bus: Bus, is_forgotten: Callable[[str], bool]) -> None:
+        self.pictures = pictures(bus)
+        self.lists = lists(bus)
+        self.clouds = clouds(bus)
+        self.robots = robots(bus)
+        self.last_poses = LastPoses(is_forgotten)

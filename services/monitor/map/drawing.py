@@ -9,8 +9,8 @@ from html import escape
 from typing import Final, Self
 
 from services.monitor.map.floor_plan import FloorPlan
+from services.monitor.map.last_seen import Mark
 from services.monitor.map.pose import DrawnRobot
-from services.monitor.map.sighting_places import Mark
 
 NS: Final = 1_000_000_000
 FRESH_NS: Final = 10 * NS

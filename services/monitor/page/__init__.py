@@ -4,8 +4,7 @@ from fastapi import FastAPI
 from nicegui import app as nicegui_app
 from starlette.routing import Route
 
-from services.monitor.live_views.mjpeg import PATH, MjpegStreams
-from services.monitor.live_views.views import Views
+from services.monitor.live_views.newest import Views
 from services.monitor.monitor import Monitor
 from services.monitor.page.alerts import KeptAlerts, add_alerts
 from services.monitor.page.camera import add_camera
@@ -13,10 +12,11 @@ from services.monitor.page.chart import Charts
 from services.monitor.page.health import add_health
 from services.monitor.page.inventory import add_inventory
 from services.monitor.page.map import add_map, floor_plan_route
+from services.monitor.page.mjpeg import PATH, MjpegStreams
 from services.monitor.page.objects import add_objects
 from services.monitor.page.open_pages import answer_instead
 from services.monitor.page.overview import add_overview
-from services.monitor.page.shared import Shared
+from services.monitor.page.page_data import Shared
 from services.monitor.page.wall import add_wall
 
 

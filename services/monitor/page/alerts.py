@@ -10,15 +10,13 @@ from typing import Any, ClassVar, Final
 from nicegui import events, ui
 
 from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.event_loop import CachedValue
 from services.monitor.history.archive import Archive, HistoryQuery
-from services.monitor.history.errors import HistoryError
-from services.monitor.history.operator_actions import Act
+from services.monitor.history.state import Act, HistoryError
 from services.monitor.monitor import Monitor
-from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.components import ALERTS, Confirmation, Tile
-from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, banner, export_link, nothing_yet, page_at, page_frame
-from services.monitor.page.live_table import Column, LiveTable, Loaded, RowWindow, search_field
+from services.monitor.page.live_table import SEARCH, Choices, Column, LiveTable, Loaded, RowWindow, search_field
 from services.monitor.page.rows.alerts import (
     CARD,
     ENDED_BODY,
@@ -34,7 +32,7 @@ from services.monitor.page.rows.alerts import (
     unattended_figure,
     wanted_alerts,
 )
-from services.monitor.recent import CachedValue
+from services.monitor.page.rows.formatting import plural
 from services.monitor.rules.subjects import UnknownAlertError
 from services.monitor.web.auth.users import Visitor
 

@@ -14,16 +14,15 @@ from schemas.keys import CameraKey, Stream, StreamKey
 from services.monitor.fleet import STALE_S, Age
 from services.monitor.inventory.sighting import Sighting
 from services.monitor.join_address import endpoint_to_join
-from services.monitor.live_views.mjpeg import path_of
-from services.monitor.live_views.newest import FrameLists, Newest
+from services.monitor.live_views.newest import FrameLists, Newest, Views
 from services.monitor.live_views.shared import CrowdedError
-from services.monitor.live_views.views import Views
 from services.monitor.live_views.why_no_picture import Reason, facts_of, why_nothing
 from services.monitor.monitor import Monitor
 from services.monitor.page.components import FLEET, still
-from services.monitor.page.formatting import age_text, ago, rate_text
 from services.monitor.page.frame import page_at, page_frame
+from services.monitor.page.mjpeg import path_of
 from services.monitor.page.picture_frame import VIEW_STYLE, PageVisibility, Stage, camera_key
+from services.monitor.page.rows.formatting import age_text, ago, rate_text
 
 PATH: Final = "/cameras/{robot}/{camera}"
 REFRESH_S: Final = 0.5

@@ -7,11 +7,11 @@ from typing import Any, Final
 
 from nicegui import ui
 
+from services.monitor.event_loop import CachedValue
 from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.counting import Counts
-from services.monitor.history.errors import HistoryError
-from services.monitor.page.formatting import NS
-from services.monitor.recent import CachedValue
+from services.monitor.history.state import HistoryError
+from services.monitor.page.rows.formatting import NS
 
 MAX_LINES: Final = 8
 """Maximum number of classes in one chart; those with the highest counts are shown."""

@@ -11,8 +11,8 @@ from fastapi import Depends, Request
 from nicegui import ui
 
 from services.monitor.event_loop import pause
-from services.monitor.history.errors import HistoryError
 from services.monitor.history.settings import NONE
+from services.monitor.history.state import HistoryError
 from services.monitor.monitor import Monitor
 from services.monitor.page.components import Links, PageLink, icon_of, still
 from services.monitor.page.open_pages import TooManyPagesError, Visits

@@ -14,11 +14,11 @@ from services.monitor.formats import natural
 from services.monitor.history.settings import NONE
 from services.monitor.join_address import endpoint_to_join, endpoints_to_join
 from services.monitor.monitor import Monitor
-from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.components import HEALTH
-from services.monitor.page.formatting import NS, lasting
 from services.monitor.page.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
-from services.monitor.page.live_table import Column, LiveTable, Loaded, RowWindow, search_field
+from services.monitor.page.live_table import SEARCH, Choices, Column, LiveTable, Loaded, RowWindow, search_field
+from services.monitor.page.page_data import Shared
+from services.monitor.page.rows.formatting import NS, lasting
 from services.monitor.page.rows.health import (
     GATEWAY_BODY,
     GATEWAY_CARD,
@@ -28,7 +28,6 @@ from services.monitor.page.rows.health import (
     worker_row,
 )
 from services.monitor.page.rows.robots import RobotFilter
-from services.monitor.page.shared import Shared
 
 
 class MonitorHealth:

@@ -13,13 +13,12 @@ from services.monitor.inventory.inventory import Entry
 from services.monitor.join_address import endpoint_to_join
 from services.monitor.monitor import Monitor
 from services.monitor.page.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
-from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.components import INVENTORY, Tile
-from services.monitor.page.formatting import plural
 from services.monitor.page.frame import REFRESH_S, export_link, nothing_yet, page_at, page_frame
-from services.monitor.page.live_table import Column, LiveTable, Loaded, RowWindow, search_field
+from services.monitor.page.live_table import SEARCH, Choices, Column, LiveTable, Loaded, RowWindow, search_field
+from services.monitor.page.page_data import Shared
+from services.monitor.page.rows.formatting import plural
 from services.monitor.page.rows.inventory import SIGHTING_BODY, SIGHTING_CARD, Filters, Stock, as_csv, sighting_row
-from services.monitor.page.shared import Shared
 
 MAX_TILES: Final = 8
 MAX_CSV: Final = 100_000

@@ -1,8 +1,10 @@
-"""A table that sends only its visible rows, so that thousands cost no more than a screenful."""
+"""Tables whose rows are loaded in windows, and the choices that a page keeps in its address."""
 
-from collections.abc import Awaitable, Callable, Sequence
+import json
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Final
+from urllib.parse import urlencode
 
 from nicegui import events, ui
 
@@ -149,3 +151,29 @@ def search_field(placeholder: str, look_for: Callable[[str], Awaitable[None]], t
 
     field = ui.input(placeholder=placeholder, value=text, on_change=changed)
     field.props('outlined dense clearable debounce=250 aria-label="Search"').classes("fs-search")
+
+
+SEARCH: Final = "search"
+
+
+class Choices:
+    """The choices on one browser's page; create it while the page is built. Each is text, empty for none."""
+
+    def __init__(self) -> None:
+        given = ui.context.client.request.query_params
+        self._chosen = {name: value[:MAX_TEXT] for name, value in given.items()}
+
+    def __getitem__(self, name: str) -> str:
+        """Return a choice."""
+        return self._chosen.get(name, "")
+
+    def keep(self, name: str, value: str) -> None:
+        """Store a choice, and update the browser's address."""
+        self._chosen[name] = value
+        ui.run_javascript(f"history.replaceState(history.state, '', {json.dumps(address(self._chosen))})")
+
+
+def address(chosen: Mapping[str, str]) -> str:
+    """Return the relative address of a page with these choices."""
+    query = urlencode({name: value for name, value in chosen.items() if value})
+    return f"?{query}" if query else "?"

@@ -13,18 +13,17 @@ from starlette.routing import Route
 
 from services.monitor.formats import natural
 from services.monitor.join_address import endpoint_to_join
-from services.monitor.live_views.views import Views
+from services.monitor.live_views.newest import Views
 from services.monitor.map.drawing import MOST_SHOWN, STALE, Bounds, colour_of, is_fresh, svg_of
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.following import MOST_ROBOTS, HeldRobots
-from services.monitor.map.last_poses import LastPoses
+from services.monitor.map.last_seen import LastPoses, Mark
 from services.monitor.map.pose import Pose, Whereabouts
-from services.monitor.map.sighting_places import Mark
 from services.monitor.monitor import Monitor
 from services.monitor.page.components import MAP, still
-from services.monitor.page.formatting import ago, plural
 from services.monitor.page.frame import nothing_yet, page_at, page_frame
 from services.monitor.page.picture_frame import VIEW_STYLE, PageVisibility
+from services.monitor.page.rows.formatting import ago, plural
 
 FOR_EVER: Final = {"Cache-Control": "private, max-age=31536000, immutable"}
 

@@ -13,17 +13,16 @@ from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
 from services.monitor.fleet import STALE_S
 from services.monitor.join_address import endpoint_to_join
-from services.monitor.live_views.newest import Newest
+from services.monitor.live_views.newest import Newest, Views
 from services.monitor.live_views.object_scene import Solid, frame_of, rounded, solids_of
 from services.monitor.live_views.shared import CrowdedError
-from services.monitor.live_views.views import Views
 from services.monitor.live_views.why_no_picture import Reason, facts_of, why_nothing
 from services.monitor.map.drawing import colour_of
 from services.monitor.monitor import Monitor
 from services.monitor.page.components import FLEET
-from services.monitor.page.formatting import age_text, plural
 from services.monitor.page.frame import page_at, page_frame
 from services.monitor.page.picture_frame import VIEW_STYLE, PageVisibility, Stage, camera_key
+from services.monitor.page.rows.formatting import age_text, plural
 
 PATH: Final = "/objects/{robot}/{camera}"
 REFRESH_S: Final = 1.0

@@ -7,7 +7,7 @@ from typing import Final, Protocol
 from fastapi import FastAPI, Request
 from fastapi.responses import HTMLResponse
 
-from services.monitor.web.auth.forms import notice
+from services.monitor.web.auth.routes import notice
 
 MOST_OPEN: Final = 50
 """Maximum number of pages per visitor."""

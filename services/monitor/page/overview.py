@@ -10,14 +10,13 @@ from nicegui import events, ui
 from services.monitor.event_loop import pause
 from services.monitor.join_address import ALSO_ELSEWHERE, endpoint_to_join, is_here_alone
 from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError
-from services.monitor.page.choices import SEARCH, Choices
 from services.monitor.page.components import FLEET, WALL, Confirmation, Tile
 from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
-from services.monitor.page.live_table import Column, LiveTable, Loaded, RowWindow, search_field
+from services.monitor.page.live_table import SEARCH, Choices, Column, LiveTable, Loaded, RowWindow, search_field
+from services.monitor.page.page_data import Shared
+from services.monitor.page.rows.formatting import ROBOT_BODY, ROBOT_CARD
 from services.monitor.page.rows.overview import robot_row
 from services.monitor.page.rows.robots import RobotFilter, RobotState, Survey
-from services.monitor.page.rows.templates import ROBOT_BODY, ROBOT_CARD
-from services.monitor.page.shared import Shared
 from services.monitor.web.auth.users import Visitor
 
 COLUMNS: Final = (

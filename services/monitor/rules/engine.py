@@ -8,12 +8,18 @@ import msgspec
 from schemas.alerts import MAX_TEXT, Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change
-from services.monitor.rules.alert_texts import offline_text
-from services.monitor.rules.alert_times import had_escalated, set_back
-from services.monitor.rules.findings import CameraState, Finding, findings, found_in
+from services.monitor.rules.findings import CameraState, Finding, findings, found_in, offline_text
 from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
-from services.monitor.rules.subjects import Effect, Subject, UnknownAlertError, local_time
-from services.monitor.rules.waiting import PendingPlaces, Place
+from services.monitor.rules.subjects import (
+    Effect,
+    PendingPlaces,
+    Place,
+    Subject,
+    UnknownAlertError,
+    had_escalated,
+    local_time,
+    set_back,
+)
 
 MAX_SUBJECTS: Final = 100_000
 """Maximum number of robots, cameras and classes followed over all rules together."""

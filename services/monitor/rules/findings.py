@@ -1,4 +1,4 @@
-"""Findings: whether a rule holds for a camera or a change, from current knowledge. Pure."""
+"""Evaluates the conditions of rules on one change or on the current state of one camera. Pure."""
 
 from collections.abc import Iterator, Mapping
 from typing import assert_never
@@ -7,15 +7,6 @@ import msgspec
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import Change, ChangeKind
-from services.monitor.rules.alert_texts import (
-    appeared_text,
-    disagree_text,
-    disappeared_text,
-    nearer_text,
-    over_text,
-    silent_text,
-    under_text,
-)
 from services.monitor.rules.model import (
     AnyRule,
     AppearsRule,
@@ -26,6 +17,41 @@ from services.monitor.rules.model import (
     SilentRule,
     UnderRule,
 )
+
+
+def appeared_text(name: str, camera: CameraKey) -> str:
+    return f"{name} appeared in view of {camera}"
+
+
+def disappeared_text(name: str, camera: CameraKey) -> str:
+    return f"{name} disappeared from view of {camera}"
+
+
+def over_text(name: str, camera: CameraKey, count: int, limit: int) -> str:
+    return f"{count} {name} in view of {camera}, over {limit}"
+
+
+def under_text(name: str, camera: CameraKey, count: int, limit: int) -> str:
+    return f"{count} {name} in view of {camera}, under {limit}"
+
+
+def nearer_text(name: str, camera: CameraKey, distance_m: float, limit_m: float) -> str:
+    return f"{name} {distance_m:.2f} m from {camera}, nearer than {limit_m:g} m"
+
+
+def disagree_text(name: str, camera: CameraKey, counts: tuple[int, int]) -> str:
+    """Return the text for two models that disagree on one camera. counts: the count of each of them."""
+    return f"two models count {counts[0]} and {counts[1]} {name} in view of {camera}"
+
+
+def silent_text(camera: CameraKey) -> str:
+    """Return the text for a camera without class lists."""
+    return f"{camera} is silent"
+
+
+def offline_text(robot: str) -> str:
+    """Return the text for a robot whose gateway is gone."""
+    return f"{robot} is offline"
 
 
 class CameraState(msgspec.Struct, frozen=True, gc=False):

@@ -8,8 +8,7 @@ from typing import Final
 
 from schemas.alerts import Alert
 from schemas.keys import CameraKey
-from services.monitor.history.disagreements import Disagreement
-from services.monitor.history.intervals import Interval
+from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.presence import RESTORED_NS, Presence
 from services.monitor.inventory.inventory import SETTLE_NS
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting

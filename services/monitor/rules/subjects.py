@@ -1,12 +1,79 @@
-"""Subjects of rules: one rule at one place each, with its condition and alert. Pure."""
+"""Subjects of rules: their condition, their alert, and when the alert is due. Pure."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from heapq import heapify, heappop, heappush
+from typing import Final
 from zoneinfo import ZoneInfo
 
-from schemas.alerts import Alert
+from msgspec.structs import replace
+
+from schemas.alerts import Alert, AlertState
 from services.monitor.inventory.sighting import NS
 from services.monitor.rules.model import AnyRule
+
+Place = tuple[str, str, str]
+"""Robot, camera and class of an alert; the latter two may be empty."""
+
+SLACK: Final = 64
+"""Stale heap entries tolerated, in addition to one per waiting entry."""
+
+
+class PendingPlaces:
+    """Places by rule, each until it is discarded; the cost per place hardly grows with their number.
+
+    Places whose time has come are `ripe`: a rule that does not apply at this time of the day takes them later.
+    """
+
+    def __init__(self) -> None:
+        self.ripe: dict[str, dict[Place, None]] = {}
+        self._due: dict[tuple[str, Place], int] = {}
+        self._queue: list[tuple[int, str, Place]] = []
+
+    def add(self, rule: str, place: Place, due_ns: int) -> None:
+        """Add a place that is due at a moment, epoch nanoseconds."""
+        self._due[rule, place] = due_ns
+        heappush(self._queue, (due_ns, rule, place))
+        if len(self._queue) > 2 * len(self._due) + SLACK:
+            self._rebuild()
+
+    def discard(self, rule: str, place: Place) -> None:
+        """Remove a place, if it waits."""
+        self._due.pop((rule, place), None)
+        if rule in self.ripe:
+            self.ripe[rule].pop(place, None)
+            if not self.ripe[rule]:
+                del self.ripe[rule]
+
+    def keep(self, rules: Collection[str]) -> None:
+        """Remove the places of all other rules."""
+        self._due = {key: due_ns for key, due_ns in self._due.items() if key[0] in rules}
+        self.ripe = {rule: places for rule, places in self.ripe.items() if rule in rules}
+        self._rebuild()
+
+    def set_back(self, by_ns: int) -> None:
+        """Make all due earlier by a duration."""
+        self._due = {key: due_ns - by_ns for key, due_ns in self._due.items()}
+        self._rebuild()
+
+    def ripen(self, now_ns: int) -> None:
+        """Advance time."""
+        while self._queue and self._queue[0][0] <= now_ns:
+            due_ns, rule, place = heappop(self._queue)
+            if self._due.get((rule, place)) == due_ns:
+                del self._due[rule, place]
+                self.ripe.setdefault(rule, {})[place] = None
+
+    def next_ns(self) -> int | None:
+        """Return when the next place is due; None if none waits."""
+        while self._queue and self._due.get(self._queue[0][1:]) != self._queue[0][0]:
+            heappop(self._queue)
+        return self._queue[0][0] if self._queue else None
+
+    def _rebuild(self) -> None:
+        self._queue = [(due_ns, rule, place) for (rule, place), due_ns in self._due.items()]
+        heapify(self._queue)
 
 
 class UnknownAlertError(Exception):
@@ -41,3 +108,18 @@ class Subject:
 def local_time(now_ns: int, timezone: str | None) -> datetime:
     utc = datetime.fromtimestamp(now_ns / NS, UTC)
     return utc.astimezone(ZoneInfo(timezone) if timezone else None)
+
+
+def had_escalated(alert: Alert, rule: AnyRule | None) -> bool:
+    """Whether an alert has escalated, or was acknowledged only after its escalation time."""
+    if rule is None or rule.escalate_after_s is None:
+        return alert.state is AlertState.ESCALATED
+    due_ns = alert.raised_ns + round(rule.escalate_after_s * NS)
+    return alert.state is AlertState.ESCALATED or alert.changed_ns >= due_ns
+
+
+def set_back(alert: Alert, now_ns: int, by_ns: int) -> Alert:
+    """Return the alert, raised no later than now."""
+    if alert.raised_ns <= now_ns:
+        return alert
+    return replace(alert, raised_ns=alert.raised_ns - by_ns, changed_ns=alert.changed_ns - by_ns)

@@ -8,7 +8,7 @@ from fastapi.exceptions import RequestValidationError, WebSocketRequestValidatio
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.state import HistoryError
 from services.monitor.monitor import RobotThereError, UnknownRobotError
 from services.monitor.rules.subjects import UnknownAlertError
 

@@ -14,8 +14,7 @@ from bus.reporting import VERSION
 from services.monitor.monitor import Monitor
 from services.monitor.settings import WebSettings
 from services.monitor.web.answers import answer_errors
-from services.monitor.web.api.about import about_routes
-from services.monitor.web.api.alerts import alert_routes
+from services.monitor.web.api.alerts import about_routes, alert_routes
 from services.monitor.web.api.fleet import fleet_routes
 from services.monitor.web.api.history import history_routes
 from services.monitor.web.api.live import live_routes

@@ -1,4 +1,4 @@
-"""The web server as part of a monitor's process."""
+"""The web server as a part of the monitor: its start, its problems, its end."""
 
 import asyncio
 import errno
@@ -16,7 +16,11 @@ from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings, WebSettings
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.store import UserStore, users_url
-from services.monitor.web.errors import WebError
+
+
+class WebError(Exception):
+    """The web server cannot start; the message names the cause."""
+
 
 _OF_PORTS: Final = (errno.EADDRINUSE, errno.EACCES)
 """Errors that another port may solve."""

@@ -11,8 +11,7 @@ from services.monitor.settings import MonitorSettings
 from services.monitor.web.auth.passwords import Passwords
 from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.users import Role, User
-from services.monitor.web.errors import WebError
-from services.monitor.web.process import Web
+from services.monitor.web.process import Web, WebError
 from services.simulator.fleet import warehouse_seed
 from services.simulator.floor_plan import write_floor_plan
 from services.toolbox.demo.settings import SEED

@@ -5,8 +5,8 @@ import pytest
 
 from schemas.header import Header
 from schemas.keys import CameraKey
-from services.monitor import clock_holdback as module
-from services.monitor.clock_holdback import PATIENCE_NS, Arrival, ClockHoldback
+from services.monitor import robot_clocks as module
+from services.monitor.robot_clocks import PATIENCE_NS, Arrival, ClockHoldback
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 AHEAD_NS: Final = -1_000_000 * S

@@ -1,5 +1,5 @@
 from schemas.clock import ClockReading
-from services.monitor.clocks import MAX_UNCERTAINTY_NS, PERIOD_S, REMEMBERED_S, Clocks
+from services.monitor.robot_clocks import MAX_UNCERTAINTY_NS, PERIOD_S, REMEMBERED_S, Clocks
 
 NOW_NS = 1_700_000_000_000_000_000
 AHEAD_NS = 5_000_000_000

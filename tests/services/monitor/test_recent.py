@@ -3,7 +3,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from services.monitor.recent import CachedValue
+from services.monitor.event_loop import CachedValue
 
 
 async def test_it_is_made_once_for_all_who_ask_and_again_when_it_is_old() -> None:

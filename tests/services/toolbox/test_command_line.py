@@ -9,8 +9,8 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
-from services.monitor.export.settings import ExportSettings
-from services.monitor.users.settings import UsersSettings
+from services.monitor.history.settings import ExportSettings
+from services.monitor.settings import UsersSettings
 from services.simulator.settings import SimulatorSettings
 from services.toolbox import process
 from services.toolbox.command_line import main

@@ -7,10 +7,9 @@ from typing import Any, Final
 
 from schemas.alerts import Alert, AlertState, Severity
 from services.monitor.formats import natural
-from services.monitor.history.operator_actions import Act
+from services.monitor.history.state import Act
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.page.formatting import NOTHING, ago, iso
-from services.monitor.page.rows.templates import WHEN
+from services.monitor.page.rows.formatting import NOTHING, WHEN, ago, iso
 from services.monitor.snapshot import known_until_ns
 
 URGENCY: Final = {severity: number for number, severity in enumerate(reversed(Severity))}

@@ -10,8 +10,7 @@ from typing import Any, Final
 
 from services.monitor.formats import as_text, natural, natural_camera, rounded
 from services.monitor.inventory.inventory import Entry
-from services.monitor.page.formatting import NOTHING, ago, iso
-from services.monitor.page.rows.templates import WHEN
+from services.monitor.page.rows.formatting import NOTHING, WHEN, ago, iso
 
 CSV_COLUMNS: Final = (
     "robot", "camera", "class", "count", "score", "nearest_m", "first_seen", "last_seen", "available", "model",

@@ -11,7 +11,7 @@ from schemas.keys import CameraKey
 from services.monitor.event_loop import in_turns
 from services.monitor.fleet import Row
 from services.monitor.formats import cameras_in_order, natural, natural_camera
-from services.monitor.page.formatting import NS, lasting
+from services.monitor.page.rows.formatting import NS, lasting
 from services.monitor.snapshot import CameraLine, FleetView, RobotLine
 
 QUIET_NS: Final = 5 * NS

@@ -14,13 +14,12 @@ from pydantic import AwareDatetime, ValidationError
 from starlette.background import BackgroundTask
 
 from schemas.alerts import Alert, AlertState
-from services.monitor.export.process import export
-from services.monitor.export.settings import LAST_NS, ExportSettings, written_like
 from services.monitor.formats import epoch_ns, moment
 from services.monitor.history.archive import AlertPlace, HistoryQuery, SightingPlace
+from services.monitor.history.export import export
 from services.monitor.history.intervals import Interval
-from services.monitor.history.operator_actions import Act
-from services.monitor.history.settings import NONE
+from services.monitor.history.settings import LAST_NS, NONE, ExportSettings, written_like
+from services.monitor.history.state import Act
 from services.monitor.monitor import Monitor
 from services.monitor.web.api.models import AlertAnswer, IntervalAnswer, Page, alert_answer, interval_answer
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, operator_of, place_of

@@ -10,7 +10,7 @@ from schemas.alerts import Alert, AlertState, Severity
 from schemas.status import GatewayStatus
 from services.monitor.formats import moment, rounded
 from services.monitor.history.intervals import Interval
-from services.monitor.history.operator_actions import Act
+from services.monitor.history.state import Act
 from services.monitor.snapshot import WorkerLine
 from services.monitor.web.auth.users import Role
 

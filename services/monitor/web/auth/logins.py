@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Final
 
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.state import HistoryError
 from services.monitor.web.auth.gate import SET_UP
 from services.monitor.web.auth.passwords import BusyError, FailureLimit, Passwords, mistake_in
 from services.monitor.web.auth.store import UserStore

@@ -1,16 +1,101 @@
-"""Log-in, log-out, and set-up of the first user."""
+"""Log-in, log-out and set-up of the first user: routes and their plain HTML forms."""
 
 from dataclasses import dataclass
+from html import escape
 from typing import Final
 from urllib.parse import parse_qsl
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
-from services.monitor.web.auth.forms import link_needed, log_in_form, set_up_form
 from services.monitor.web.auth.gate import LOG_IN, LOG_OUT, SET_UP, local_path
 from services.monitor.web.auth.logins import Access, AccessError
 from services.monitor.web.auth.middleware import FORM_POLICY
+from services.monitor.web.auth.passwords import MAX_LENGTH, MIN_LENGTH
+
+STYLE: Final = """
+:root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif; --back: #f4f5f7; --card: #fff; --ink: #1b1f23;
+  --faint: #57606a; --line: #8a929a; --wrong: #fde8e6; }
+@media (prefers-color-scheme: dark) {
+  :root { --back: #14171a; --card: #1e2226; --ink: #e6e8ea; --faint: #a5adb5; --line: #5b646d; --wrong: #4a1d1a; }
+}
+body { margin: 0; min-height: 100vh; display: grid; place-items: center; background: var(--back); color: var(--ink); }
+main { box-sizing: border-box; width: min(24rem, 100vw); padding: 2rem; border-radius: .75rem;
+  background: var(--card); }
+h1 { margin: 0 0 1rem; font-size: 1.25rem; }
+label { display: block; margin-top: 1rem; }
+input, button { box-sizing: border-box; width: 100%; min-height: 2.75rem; margin-top: .25rem; padding: 0 .75rem;
+  font: inherit; border: 1px solid var(--line); border-radius: .375rem; background: var(--card); color: var(--ink); }
+button { margin-top: 1.5rem; border: 0; background: #1264a3; color: #fff; cursor: pointer; }
+:focus-visible { outline: 3px solid #4c9be0; outline-offset: 2px; }
+.wrong { margin: 0; padding: .5rem .75rem; border-radius: .375rem; background: var(--wrong); }
+.hint { font-size: .875rem; color: var(--faint); }
+"""
+
+
+def log_in_form(after: str, wrong: str = "") -> str:
+    """Return the log-in form. after: where to go then. wrong: the error."""
+    return _page(
+        "Log in",
+        wrong,
+        f"""<form method="post" action="{LOG_IN}">
+<input type="hidden" name="next" value="{escape(after)}">
+<label>Name<input name="name" autocomplete="username" autocapitalize="none" maxlength="64" required autofocus></label>
+<label>Password<input name="password" type="password" autocomplete="current-password" maxlength="{MAX_LENGTH}"
+  required></label>
+<button>Log in</button>
+</form>""",
+    )
+
+
+def set_up_form(secret: str, wrong: str = "") -> str:
+    """Return the form for the first user. secret: from the link."""
+    return _page(
+        "Set up fleetsight",
+        wrong,
+        f"""<p>Nobody can log in yet. Make the first user, an operator: one who may acknowledge and resolve alerts.</p>
+<form method="post" action="{SET_UP}">
+<input type="hidden" name="token" value="{escape(secret)}">
+<label>Name<input name="name" autocomplete="username" autocapitalize="none" maxlength="64" required autofocus></label>
+<label>Password<input name="password" type="password" autocomplete="new-password" minlength="{MIN_LENGTH}"
+  maxlength="{MAX_LENGTH}" required></label>
+<label>Password again<input name="again" type="password" autocomplete="new-password" maxlength="{MAX_LENGTH}"
+  required></label>
+<p class="hint">{MIN_LENGTH} characters or more. Others are added with: fleetsight users add NAME --role viewer</p>
+<button>Make this user</button>
+</form>""",
+    )
+
+
+def link_needed() -> str:
+    """Return the page for visitors without the set-up link, before there is a user."""
+    return _page(
+        "Set up fleetsight",
+        "",
+        "<p>Nobody can log in yet. The monitor shows a link for the first user: on its terminal and in its log.</p>",
+    )
+
+
+def notice(title: str, text: str) -> str:
+    """Return a page that shows a message instead of the requested page."""
+    return _page(title, "", f'<p>{escape(text)}</p><p><a href="/">To the fleet</a></p>')
+
+
+def _page(title: str, wrong: str, content: str) -> str:
+    said = f'<p class="wrong" role="alert">{escape(wrong)}</p>' if wrong else ""
+    return f"""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{escape(title)}</title>
+<link rel="icon" href="data:,">
+<style>{STYLE}</style>
+</head>
+<body><main><h1>{escape(title)}</h1>{said}{content}</main></body>
+</html>
+"""
+
 
 MAX_FIELDS: Final = 8
 COOKIE_S: Final = 365 * 86_400

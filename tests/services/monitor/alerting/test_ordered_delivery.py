@@ -4,8 +4,8 @@ from contextlib import asynccontextmanager
 
 import pytest
 
-from services.monitor.alerting import ordered_delivery as module
-from services.monitor.alerting.ordered_delivery import Lanes
+from services.monitor.alerting import robots as module
+from services.monitor.alerting.robots import Lanes
 from tests.contract.waiting import until
 
 

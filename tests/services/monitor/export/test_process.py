@@ -11,13 +11,12 @@ import pytest
 from msgspec.structs import replace
 from pydantic import BaseModel, ValidationError
 
-from services.monitor.export import writing
-from services.monitor.export.process import run
-from services.monitor.export.settings import ExportSettings
-from services.monitor.export.writing import exported as exported_row
-from services.monitor.history import engine
+from services.monitor.history import engine, export
 from services.monitor.history.clock_trust import Doubt
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.export import exported as exported_row
+from services.monitor.history.export import run
+from services.monitor.history.settings import ExportSettings
+from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 from services.monitor.web.api.models import AlertAnswer, IntervalAnswer
 from tests.schemas.results import alert
@@ -98,7 +97,7 @@ async def test_whatever_else_waits_has_its_turn_after_each_hundred_rows(
         rows_of_turn[turns] += 1
         return exported_row(row)
 
-    monkeypatch.setattr(writing, "exported", counted)
+    monkeypatch.setattr(export, "exported", counted)
     taking = asyncio.create_task(take_turns())
     rows = await exported(url, tmp_path / "seen.csv")
     taking.cancel()

@@ -1,7 +1,7 @@
 """Intervals of every kind for tests."""
 
 from schemas.keys import CameraKey
-from services.monitor.history.disagreements import Disagreement
+from services.monitor.history.intervals import Disagreement
 from services.monitor.history.presence import Presence
 from tests.services.monitor.inventory.seeing import FRONT, S
 

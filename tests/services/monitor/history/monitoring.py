@@ -12,7 +12,7 @@ from services.monitor.history.presence import Place, Presence
 from services.monitor.history.settings import HistorySettings
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
-from services.monitor.map.sighting_places import SightingMap
+from services.monitor.map.last_seen import SightingMap
 from tests.contract.waiting import until
 from tests.services.monitor.history.test_store import every, opened
 from tests.services.monitor.inventory.seeing import seen

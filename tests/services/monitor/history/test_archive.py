@@ -9,10 +9,9 @@ from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history import archive as archive_module
 from services.monitor.history.archive import Archive, HistoryQuery
-from services.monitor.history.errors import HistoryError
 from services.monitor.history.opening import connect
-from services.monitor.history.operator_actions import Act
 from services.monitor.history.settings import NONE
+from services.monitor.history.state import Act, HistoryError
 from services.monitor.inventory.inventory import Entry
 from services.monitor.page.rows.inventory import Filters, Stock
 from tests.schemas.results import alert

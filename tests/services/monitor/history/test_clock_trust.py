@@ -5,12 +5,11 @@ import time
 import pytest
 
 from schemas.alerts import AlertState
-from services.monitor.history import correcting
+from services.monitor.history import row_maintenance
 from services.monitor.history import upkeep as module
 from services.monitor.history.clock_trust import DAY_NS, FAR_NS, ClockTrust, Correction, Doubt
-from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import Interval
-from services.monitor.history.operator_actions import Act
+from services.monitor.history.state import Act, HistoryError
 from services.monitor.history.store import Store
 from tests.contract.waiting import until
 from tests.schemas.results import alert
@@ -112,7 +111,7 @@ async def corrected(store: Store) -> None:
 async def test_much_is_corrected_slice_by_slice_also_by_the_next_monitor_and_once(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(correcting, "SLICE", 10)
+    monkeypatch.setattr(row_maintenance, "CORRECTED_ROWS", 10)
     ahead = 100  # seconds; it was ahead for longer than that
     some = [interval(1_000 + 10 * number, 1_005 + 10 * number) for number in range(35)]
     done = [Act("a1", AlertState.ACKNOWLEDGED, "ann", (1_000 + number) * S) for number in range(25)]
@@ -135,7 +134,7 @@ async def test_much_is_corrected_slice_by_slice_also_by_the_next_monitor_and_onc
 async def test_what_comes_while_much_is_corrected_is_written_after_it(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(correcting, "SLICE", 5)
+    monkeypatch.setattr(row_maintenance, "CORRECTED_ROWS", 5)
     monkeypatch.setattr(module, "CORRECT_S", 0.001)
     now_s = time.time_ns() // S
     some = [interval(now_s + 60 * 86_400 + number, now_s + 60 * 86_400 + number + 1) for number in range(40)]

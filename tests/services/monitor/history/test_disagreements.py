@@ -1,4 +1,4 @@
-from services.monitor.history.disagreements import Disagreement, Disagreements
+from services.monitor.history.intervals import Disagreement, Disagreements
 from services.monitor.history.ledger import Ledger
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from schemas.alerts import AlertState
-from services.monitor.export.process import run as export
-from services.monitor.export.settings import ExportSettings
 from services.monitor.history.archive import Archive
-from services.monitor.history.operator_actions import Act
-from services.monitor.rules.process import run as try_rules
-from services.monitor.rules.settings import RulesSettings
+from services.monitor.history.export import run as export
+from services.monitor.history.settings import ExportSettings
+from services.monitor.history.state import Act
+from services.monitor.rules.command import run as try_rules
+from services.monitor.settings import RulesSettings
 from services.monitor.web.auth.logins import Access, AccessError
 from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.users import Kind, Role, User

@@ -5,7 +5,7 @@ from sqlalchemy.engine import URL
 from sqlalchemy.exc import OperationalError
 
 from services.monitor.history.engine import engine_of, file_of, name_of, private_file
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.state import HistoryError
 
 
 def test_a_new_database_is_nobody_elses_to_read_and_one_that_is_there_stays_as_it_is(tmp_path: Path) -> None:

@@ -11,16 +11,14 @@ import pytest
 
 from schemas.alerts import AlertState
 from services.monitor.history import keeper as module
-from services.monitor.history.disagreements import Disagreement
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.intervals import Disagreement
 from services.monitor.history.presence import MONITOR
 from services.monitor.history.settings import NONE, HistorySettings, default_url
-from services.monitor.history.status import HistoryStatus
+from services.monitor.history.state import HistoryError, HistoryStatus
 from services.monitor.history.store import Store
 from services.monitor.inventory.sighting import ChangeKind
-from services.monitor.map.last_poses import LOST_NS, LastPoses
+from services.monitor.map.last_seen import FORGET_NS, LOST_NS, LastPoses
 from services.monitor.map.pose import Pose
-from services.monitor.map.sighting_places import FORGET_NS
 from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.history.monitoring import Monitor, attended, kept, monitoring, noted

@@ -10,11 +10,10 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from schemas.alerts import AlertState
 from services.monitor.history import archive as archive_module
-from services.monitor.history import pruning
+from services.monitor.history import row_maintenance
 from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.counting import SLOTS
-from services.monitor.history.disagreements import Disagreement
-from services.monitor.history.intervals import Interval
+from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.opening import connect
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
@@ -90,9 +89,9 @@ async def test_a_long_history_of_which_all_is_old_is_pruned_step_by_step(url: st
         before, steps = sum(rows.values()), 0
         while not await store.prune(2**62):
             left = sum((await counted(store)).values())
-            assert before - left <= len(rows) * pruning.SLICE
+            assert before - left <= len(rows) * row_maintenance.SLICE
             before, steps = left, steps + 1
-        assert steps >= ROWS["alerts"] // 2 // pruning.SLICE
+        assert steps >= ROWS["alerts"] // 2 // row_maintenance.SLICE
         unresolved = ROWS["alerts"] // 100
         assert await counted(store) == {
             **dict.fromkeys(ROWS, 0), "alerts": unresolved, "acts": ROWS["acts"] // 100

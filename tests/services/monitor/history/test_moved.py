@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import inspect, text
 
 from services.monitor.history import keeper as module
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 from services.monitor.history.tables import SCHEMA_VERSION, metadata
 from services.monitor.web.auth.logins import Access

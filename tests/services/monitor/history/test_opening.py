@@ -9,12 +9,12 @@ from sqlalchemy import inspect, select, text, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from bus.fake import FakeNetwork
-from services.monitor.export.process import export
-from services.monitor.export.settings import ExportSettings
 from services.monitor.fleet import Fleet
 from services.monitor.history.engine import engine_of, file_of
-from services.monitor.history.errors import HistoryError, OtherVersionError
+from services.monitor.history.export import export
 from services.monitor.history.opening import connect
+from services.monitor.history.settings import ExportSettings
+from services.monitor.history.state import HistoryError, OtherVersionError
 from services.monitor.history.store import Store
 from services.monitor.history.tables import SCHEMA_VERSION, metadata, schema_version
 from services.monitor.process import run, running

@@ -1,5 +1,5 @@
 from schemas.alerts import AlertState
-from services.monitor.history.operator_actions import MAX_ACTS, MAX_ALERTS, Act, Acts
+from services.monitor.history.state import MAX_ACTS, MAX_ALERTS, Act, Acts
 
 
 def act(alert: str, at_ns: int) -> Act:

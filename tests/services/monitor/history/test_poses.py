@@ -1,8 +1,8 @@
 from math import inf, nan
 
 from services.monitor.history.presence import KnownPoses
+from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.pose import Pose
-from services.monitor.map.sighting_places import SightingMap
 
 HERE, THERE = Pose(1.0, 2.0, 0.5, 7), Pose(3.0, 2.0, 0.5, 8)
 

@@ -9,10 +9,9 @@ from msgspec.structs import replace
 from schemas.alerts import AlertState
 from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.engine import own_name
-from services.monitor.history.errors import HistoryError
 from services.monitor.history.intervals import interval_of
-from services.monitor.history.operator_actions import Act
 from services.monitor.history.presence import MONITOR
+from services.monitor.history.state import Act, HistoryError
 from services.monitor.history.store import Store
 from tests.contract.waiting import until
 from tests.schemas.results import alert

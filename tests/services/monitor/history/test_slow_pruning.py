@@ -9,7 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from services.monitor.history import store as module
 from services.monitor.history.engine import translating
-from services.monitor.history.pruning import Pruning
+from services.monitor.history.row_maintenance import Pruning
 from tests.contract.waiting import until
 from tests.services.monitor.history.monitoring import kept, monitoring
 from tests.services.monitor.history.test_store import opened

@@ -13,13 +13,12 @@ from sqlalchemy.schema import DropIndex, DropTable
 
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
-from services.monitor.history import pruning
+from services.monitor.history import row_maintenance
 from services.monitor.history import store as module
 from services.monitor.history.archive import Archive, HistoryQuery
-from services.monitor.history.disagreements import Disagreement
-from services.monitor.history.errors import HistoryError
-from services.monitor.history.intervals import Interval
+from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.presence import Presence
+from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 from services.monitor.history.tables import (
     clock_doubt,
@@ -241,7 +240,7 @@ async def test_old_history_of_each_kind_is_forgotten(url: str) -> None:
 
 
 async def test_much_old_history_is_forgotten_bit_by_bit(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pruning, "SLICE", 3)
+    monkeypatch.setattr(row_maintenance, "SLICE", 3)
     async with opened(url) as store:
         assert await store.prune(9 * S)
         some = [interval(since, max(since, 4)) for since in range(1, 9)]

@@ -9,9 +9,9 @@ from starlette.types import Message, Scope
 
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
-from services.monitor.live_views.mjpeg import BOUNDARY, MOST_OF_VISITOR, NOTHING, MjpegStreams, path_of, picture_part
 from services.monitor.live_views.newest import Newest, Pictures
 from services.monitor.live_views.shared import Shared
+from services.monitor.page.mjpeg import BOUNDARY, MOST_OF_VISITOR, NOTHING, MjpegStreams, path_of, picture_part
 from services.monitor.web.auth.users import STATE, Role, Visitor
 from tests.schemas.frames import image
 from tests.schemas.pictures import compressed, file_of

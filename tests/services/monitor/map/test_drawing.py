@@ -5,8 +5,8 @@ import pytest
 
 from services.monitor.map.drawing import FRESH_NS, MOST_SHOWN, Bounds, DrawnRobot, colour_of, is_fresh, svg_of
 from services.monitor.map.floor_plan import FloorPlan
+from services.monitor.map.last_seen import Mark
 from services.monitor.map.pose import Pose
-from services.monitor.map.sighting_places import Mark
 
 NOW = 1_000_000_000_000
 BOUNDS = Bounds(-2, -2, 10, 5)

@@ -1,6 +1,5 @@
-from services.monitor.map.last_poses import LOST_NS, MOST, LastPoses
+from services.monitor.map.last_seen import FORGET_NS, LOST_NS, MOST, LastPoses
 from services.monitor.map.pose import Pose
-from services.monitor.map.sighting_places import FORGET_NS
 
 NOW = 10**18
 

@@ -2,8 +2,8 @@ import msgspec
 import pytest
 
 from schemas.distances import Distances, ObjectDistance, Place
+from services.monitor.map.last_seen import FORGET_NS, MOST, RENEW_NS, SAME_M, Mark, SightingMap
 from services.monitor.map.pose import Pose
-from services.monitor.map.sighting_places import FORGET_NS, MOST, RENEW_NS, SAME_M, Mark, SightingMap
 from tests.schemas.frames import header
 from tests.schemas.results import known, unknown
 

@@ -1,4 +1,4 @@
-from services.monitor.page.choices import address
+from services.monitor.page.live_table import address
 
 
 def test_an_address_has_what_was_chosen_and_nothing_else() -> None:

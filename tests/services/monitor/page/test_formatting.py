@@ -1,7 +1,7 @@
 import pytest
 
 from services.monitor.fleet import Age
-from services.monitor.page.formatting import NS, age_text, ago, brief, iso, lasting, plural, rate_text
+from services.monitor.page.rows.formatting import NS, age_text, ago, brief, iso, lasting, plural, rate_text
 
 
 @pytest.mark.parametrize(

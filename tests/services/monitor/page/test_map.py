@@ -1,5 +1,5 @@
 from services.monitor.map.drawing import FRESH_NS, STALE, colour_of
-from services.monitor.map.sighting_places import Mark
+from services.monitor.map.last_seen import Mark
 from services.monitor.page.map import keys, row
 
 NOW = 10**18

@@ -1,6 +1,6 @@
 from bus.fake import FakeNetwork
+from services.monitor.page.page_data import Shared
 from services.monitor.page.rows.robots import RobotFilter
-from services.monitor.page.shared import Shared
 from tests.services.monitor.web.serving import monitor_on
 
 

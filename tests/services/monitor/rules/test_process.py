@@ -12,16 +12,16 @@ from schemas.alerts import Alert
 from schemas.keys import CameraKey
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.history.errors import HistoryError
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.settings import HistorySettings
+from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 from services.monitor.inventory.inventory import SETTLE_NS, Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
+from services.monitor.rules.command import run
 from services.monitor.rules.loading import RuleFileError
-from services.monitor.rules.process import run
-from services.monitor.rules.settings import RulesSettings
+from services.monitor.settings import RulesSettings
 from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.history.lasting import disagreement, there

@@ -3,9 +3,9 @@ from pathlib import Path
 import pytest
 
 from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.rules.command import run
 from services.monitor.rules.loading import MAX_CHARACTERS, RuleFileError
-from services.monitor.rules.process import run
-from services.monitor.rules.settings import RulesSettings
+from services.monitor.settings import RulesSettings
 
 
 async def refused(file: Path, reason: str) -> None:

@@ -4,8 +4,7 @@ import pytest
 from msgspec.structs import replace
 
 from schemas.keys import CameraKey
-from services.monitor.history.disagreements import Disagreement
-from services.monitor.history.intervals import Interval
+from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.presence import Presence
 from services.monitor.rules.model import RuleBook

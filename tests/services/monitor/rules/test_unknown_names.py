@@ -2,7 +2,7 @@ from typing import Any
 
 import pytest
 
-from services.monitor.rules.unknown_names import Classes, remarks
+from services.monitor.rules.loading import Classes, remarks
 from tests.services.monitor.rules.ruling import book
 
 BOXES = {"box", "pallet"}

@@ -1,6 +1,6 @@
 import random
 
-from services.monitor.rules.waiting import SLACK, PendingPlaces, Place
+from services.monitor.rules.subjects import SLACK, PendingPlaces, Place
 
 A: Place = ("r1", "front", "box")
 B: Place = ("r2", "front", "box")

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from services.monitor.history.errors import HistoryError
-from services.monitor.users.process import UsersError, read_password, run
-from services.monitor.users.settings import UsersSettings
+from services.monitor.history.state import HistoryError
+from services.monitor.settings import UsersSettings
+from services.monitor.web.auth.command import UsersError, read_password, run
 from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.users import Kind, Role, User
 from tests.contract.waiting import PATIENCE_S, until

@@ -3,8 +3,7 @@ import socket
 import pytest
 
 from services.monitor.settings import MonitorSettings
-from services.monitor.web.errors import WebError
-from services.monitor.web.process import open_listener, url_of
+from services.monitor.web.process import WebError, open_listener, url_of
 
 
 def test_a_port_that_is_taken_is_said() -> None:

@@ -2,9 +2,8 @@ import msgspec
 import pytest
 
 from schemas.alerts import Alert, AlertState, Severity
-from services.monitor.history.operator_actions import Act
+from services.monitor.history.state import Act
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.page.formatting import NOTHING
 from services.monitor.page.rows.alerts import (
     Panel,
     alert_row,
@@ -16,6 +15,7 @@ from services.monitor.page.rows.alerts import (
     unattended_figure,
     wanted_alerts,
 )
+from services.monitor.page.rows.formatting import NOTHING
 
 S = 1_000_000_000
 ALERT = Alert(

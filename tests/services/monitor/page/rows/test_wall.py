@@ -2,7 +2,7 @@ import msgspec
 import pytest
 
 from schemas.alerts import Alert, AlertState, Severity
-from services.monitor.page.rows.wall import alert_line, in_view, lost_line, pressing, robot_cell, turned
+from services.monitor.page.rows.overview import alert_line, in_view, lost_line, pressing, robot_cell, turned
 from tests.services.monitor.page.shown import NOW, S, camera, robot, shown
 
 ODD = '<b>"r1"</b>'

@@ -9,7 +9,7 @@ from bus.fake import FakeNetwork
 from schemas.alerts import Alert, AlertState, Severity
 from schemas.status import WorkerStatus
 from services.monitor.formats import epoch_ns
-from services.monitor.history.operator_actions import Act
+from services.monitor.history.state import Act
 from services.monitor.monitor import Monitor
 from services.monitor.page.health import facts
 from services.monitor.rules.loading import load_rules

@@ -6,9 +6,9 @@ from typing import Never
 import msgspec
 
 from bus.fake import FakeNetwork
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
-from services.monitor.web.api.feed import TOPICS, Feed, Topic
+from services.monitor.web.api.live import TOPICS, Feed, Topic
 from tests.services.monitor.web.api.seeing import ODD, fill, see
 from tests.services.monitor.web.api.test_alerts import alert, raise_alert
 from tests.services.monitor.web.serving import monitor_on

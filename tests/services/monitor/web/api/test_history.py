@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history.archive import MAX_ROWS
-from services.monitor.history.operator_actions import Act
+from services.monitor.history.state import Act
 from services.monitor.history.store import Store
 from services.monitor.web.api.paging import MAX_ITEMS
 from services.monitor.web.auth.users import Role

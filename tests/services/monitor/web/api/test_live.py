@@ -8,8 +8,7 @@ import websockets
 from websockets.asyncio.client import ClientConnection
 
 from bus.fake import FakeNetwork
-from services.monitor.web.api.feed import TOPICS, Item
-from services.monitor.web.api.live import Client
+from services.monitor.web.api.live import TOPICS, Client, Item
 from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.api.seeing import ODD, fill, see
 from tests.services.monitor.web.serving import Served, monitor_on, served

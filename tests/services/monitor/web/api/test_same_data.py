@@ -8,7 +8,7 @@ import httpx
 import websockets
 
 from bus.fake import FakeNetwork
-from services.monitor.web.api.feed import TOPICS
+from services.monitor.web.api.live import TOPICS
 from tests.services.monitor.web.api.seeing import fill
 from tests.services.monitor.web.api.test_alerts import alert, raise_alert
 from tests.services.monitor.web.serving import monitor_on, served

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from services.monitor.history.engine import engine_of
-from services.monitor.history.errors import HistoryError
+from services.monitor.history.state import HistoryError
 from services.monitor.history.tables import logins, users
 from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.users import Kind, Role, User

@@ -3,12 +3,11 @@
 from collections.abc import Mapping
 from typing import Final
 
-from services.monitor.event_loop import in_turns
+from services.monitor.event_loop import CachedValue, in_turns
 from services.monitor.monitor import Monitor
 from services.monitor.page.rows.health import WorkerRates
 from services.monitor.page.rows.inventory import Stock
 from services.monitor.page.rows.robots import Survey, standings_of
-from services.monitor.recent import CachedValue
 
 MAX_AGE_S: Final = 1.9
 """Maximum age of the survey of robots, and of the stock, in seconds."""

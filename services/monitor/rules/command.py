@@ -1,4 +1,4 @@
-"""`fleetsight rules test`."""
+"""`fleetsight rules test`: replays a rule file over the history."""
 
 import asyncio
 import sys
@@ -8,8 +8,7 @@ from datetime import UTC, datetime
 from schemas.alerts import AlertState
 from schemas.printing import printable
 from services.monitor.formats import epoch_ns
-from services.monitor.history.disagreements import Disagreement
-from services.monitor.history.intervals import Interval
+from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
 from services.monitor.history.tables import presence
@@ -17,8 +16,8 @@ from services.monitor.inventory.sighting import NS
 from services.monitor.rules.loading import RuleFileError, load_rules, text_of
 from services.monitor.rules.model import DisagreeRule, RuleBook, SilentRule
 from services.monitor.rules.replay import caveats, replay
-from services.monitor.rules.settings import RulesSettings
 from services.monitor.rules.timeline import FOREVER_NS, Timeline
+from services.monitor.settings import RulesSettings
 
 
 async def run(settings: RulesSettings) -> None:

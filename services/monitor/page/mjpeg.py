@@ -1,4 +1,4 @@
-"""MJPEG for a browser's `<img>`: multipart/x-mixed-replace, each part the newest frame."""
+"""Overlays as MJPEG streams."""
 
 import asyncio
 from collections import Counter

@@ -1,13 +1,42 @@
-"""Operators' actions on alerts: who, what and when. Pure."""
+"""The history's errors and status, the stored state that a monitor starts with, operators' actions. Pure."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from msgspec.structs import replace
 
 from schemas.alerts import Alert, AlertState
+from services.monitor.history.intervals import Interval
+from services.monitor.history.ledger import StoredInterval
+
+
+class HistoryError(Exception):
+    """The database cannot be opened, read or written; the message names the cause."""
+
+
+class OtherVersionError(HistoryError):
+    """The database's tables are those of another version."""
+
+
+@dataclass(frozen=True, slots=True)
+class HistoryStatus:
+    """The status of the history.
+
+    problem: why it is not being kept, in words, or empty. leads: this monitor is the one that raises alerts; while the
+    database cannot be asked, that stays as it was, and whoever never could ask it raises them.
+    pending: what waits to be written, none while another one leads. lost: intervals given up because too many waited.
+    leader: who else leads, as host and process, as far as that is known. warnings: why old history is not forgotten.
+    """
+
+    problem: str
+    leads: bool
+    pending: int
+    lost: int
+    leader: str = ""
+    warnings: Sequence[str] = ()
+
 
 MAX_ALERTS: Final = 10_000
 """Of how many alerts it is remembered here; the database keeps all."""
@@ -66,3 +95,18 @@ def resolved(alert: Alert, now_ns: int) -> Alert:
 def at_other_times(alert: Alert, corrected: Callable[[int], int]) -> Alert:
     """Return an alert with its times corrected."""
     return replace(alert, raised_ns=corrected(alert.raised_ns), changed_ns=corrected(alert.changed_ns))
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts.
+
+    acts: what was done with these alerts. going_on: the intervals of every kind that are open. owed: the alerts that
+    webhooks, by name, did not take yet.
+    """
+
+    intervals: Sequence[Interval]
+    alerts: Sequence[Alert]
+    acts: Sequence[Act]
+    going_on: Sequence[StoredInterval]
+    owed: Sequence[tuple[str, Alert]] = ()

@@ -1,4 +1,4 @@
-"""`fleetsight users`."""
+"""`fleetsight users`: manages the users of a monitor, whether it runs or not."""
 
 import asyncio
 import getpass
@@ -12,7 +12,7 @@ from typing import Final
 
 from services.monitor.formats import natural
 from services.monitor.history.engine import engine_of, name_of
-from services.monitor.users.settings import UsersSettings
+from services.monitor.settings import UsersSettings
 from services.monitor.web.auth.passwords import MAX_LENGTH, Passwords, mistake_in
 from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.auth.users import MAX_USERS, Kind, Login, Role, User, digest_of, mistake_in_name, new_secret

@@ -1,1 +1,0 @@
-"""`fleetsight history export`: writes the history to files for other programs."""

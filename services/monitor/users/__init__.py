@@ -1,1 +1,0 @@
-"""`fleetsight users`: manages a monitor's users, whether it runs or not."""
