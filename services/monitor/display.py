@@ -24,7 +24,7 @@ from schemas.printing import printable
 from services.monitor.event_loop import aside, in_turns
 from services.monitor.fleet import Age, Fleet, Row
 from services.monitor.fleet_problems import shortened, troubles
-from services.monitor.inventory.camera_liveness import SpeakingCameras
+from services.monitor.inventory.availability import AvailabilityTracker
 from services.monitor.inventory.inventory import Inventory
 
 STYLES: Final = {"online": "green", "silent": "yellow", "offline": "bold red"}
@@ -203,15 +203,15 @@ class Silence:
 
     def __init__(self, inventory: Inventory) -> None:
         self._inventory = inventory
-        self._speaking = SpeakingCameras(inventory, inventory.speaks, speaks=False)
+        self._availability = AvailabilityTracker(inventory, inventory.is_available, available=False)
         self._silent: set[CameraKey] = set()
 
     def advance(self, now_ns: int) -> list[CameraKey]:
         """Return the cameras that fell silent or resumed by `now_ns`."""
-        turned = self._speaking.advance(now_ns)
+        turned = self._availability.advance(now_ns)
         for camera in turned:
-            speaks = self._inventory.speaks(camera, now_ns)
-            (self._silent.discard if speaks else self._silent.add)(camera.key)
+            available = self._inventory.is_available(camera, now_ns)
+            (self._silent.discard if available else self._silent.add)(camera.key)
         return [camera.key for camera in turned]
 
     def state_of(self, row: Row) -> str:

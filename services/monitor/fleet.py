@@ -16,11 +16,11 @@ from services.monitor.fleet_problems import NAMESAKES, THIN_LINK, DuplicateGatew
 from services.monitor.formats import cameras_in_order, natural_camera
 from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, TrustLimits, make_room
 from services.monitor.inventory.sighting import NS, Change
+from services.monitor.liveness import STALE_S, CameraLiveness, camera_state, is_stale
 from services.monitor.map.last_seen import SightingMap
 from services.monitor.robot_clocks import MAX_LAG_NS, Clocks
 
 RATE_WINDOW_S: Final = 5.0
-STALE_S: Final = 3.0
 MAX_AGES: Final = 100_000
 MINUTE_NS: Final = 60 * NS
 DAY_NS: Final = 86_400 * NS
@@ -52,16 +52,19 @@ class Row(msgspec.Struct, frozen=True, gc=False):
     stale_s: float = STALE_S
 
     @property
-    def stale(self) -> bool:
-        """Whether the row may be outdated."""
-        return not self.online or self.age is None or self.age.seconds > self.stale_s
+    def age_s(self) -> float | None:
+        """The age of the view in seconds; None before the first class list."""
+        return None if self.age is None else self.age.seconds
 
     @property
-    def state(self) -> str:
-        """The state of the camera: offline, silent or online. A camera without any class list yet is not silent."""
-        if not self.online:
-            return "offline"
-        return "silent" if self.stale and self.age is not None else "online"
+    def stale(self) -> bool:
+        """Whether the row may be outdated."""
+        return is_stale(self.age_s, self.stale_s, online=self.online)
+
+    @property
+    def state(self) -> CameraLiveness:
+        """The state of the camera."""
+        return camera_state(self.age_s, self.stale_s, online=self.online)
 
 
 @dataclass(slots=True)

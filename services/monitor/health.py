@@ -1,59 +1,12 @@
-"""Whether the monitor hears the fleet: its link, and a heartbeat that it sends to itself."""
+"""The link of the monitor, and the heartbeat that it sends to itself over the bus."""
 
 import asyncio
 import time
-from collections.abc import Callable
-from typing import Final
 from uuid import uuid4
 
 from bus import LATEST, Bus, Publisher, QoS
 from schemas import keys
-from services.monitor.inventory.inventory import SETTLE_NS
-from services.monitor.inventory.sighting import NS
-
-PULSE_S: Final = 1.0
-"""Seconds between two heartbeats."""
-
-GAP_S: Final = 1.0
-"""Maximum delay, in seconds, between the fleet's disappearance and the detection of a lost link."""
-
-
-class Heartbeat:
-    """Tracks whether the monitor hears the fleet. Seconds are of the steady clock.
-
-    heard: when the monitor heard a message of its own last, None while it knows that it cannot hear the fleet.
-    lease_s: after how long a link counts as lost: as much later than the monitor's own others may notice theirs.
-    deaf: the fleet is not heard. settled: it is, and everybody who is there had time to appear.
-    """
-
-    def __init__(self, heard: Callable[[], float | None], lease_s: float) -> None:
-        self._heard = heard
-        self.lease_s = lease_s
-        self._patience_s = lease_s + 2 * PULSE_S
-        self._settle_s = SETTLE_NS / NS + lease_s
-        self._settled_s = 0.0
-        self.heard_s = 0.0
-        self.deaf = False
-        self.settled = True
-
-    def advance(self, now_s: float) -> bool:
-        """Advance time; return whether the monitor became deaf, hears again or has settled.
-
-        It is deaf too while its own message is late: it was held up, and so may have been who heard nothing of it.
-        """
-        before = (self.deaf, self.settled)
-        heard_s = self._heard()
-        deaf = heard_s is None or now_s - heard_s > self._patience_s
-        if self.deaf and not deaf:
-            self._settled_s = now_s + self._settle_s
-        self.heard_s = self.heard_s if heard_s is None else heard_s
-        self.deaf = deaf
-        self.settled = not deaf and now_s >= self._settled_s
-        return (self.deaf, self.settled) != before
-
-
-STALLED_S: Final = 10.0
-"""Seconds without its own heartbeat after which the monitor counts as deaf."""
+from services.monitor.liveness import PULSE_S, STALLED_S
 
 
 class Health:

@@ -174,7 +174,7 @@ class Monitor:
         opinions = [each.classes for each in workers.of(OPINION)]
 
         def seen(name: str) -> bool:
-            return any(camera.speaker is not None and name in camera.speaker.classes for camera in inventory.cameras())
+            return any(camera.primary is not None and name in camera.primary.classes for camera in inventory.cameras())
 
         robots = set(self.glance().robots)
         return list(islice(remarks(book, detectors, opinions, seen, robots), MAX_REMARKS))

@@ -21,7 +21,7 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.display import Problems, show
 from services.monitor.event_loop import AT_ONCE, arrivals_in_turns, in_turns, keep_collections_short
 from services.monitor.fleet import Fleet
-from services.monitor.health import Health, Heartbeat
+from services.monitor.health import Health
 from services.monitor.history.archive import Archive
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import NONE
@@ -29,6 +29,7 @@ from services.monitor.history.state import HistoryError, OtherVersionError
 from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.join_address import how_to_join
+from services.monitor.liveness import Heartbeat
 from services.monitor.map.floor_plan_file import load_floor_plan
 from services.monitor.monitor import Monitor
 from services.monitor.requests import answer_inventory, measure_clocks

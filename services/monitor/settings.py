@@ -11,6 +11,7 @@ from bus.settings import BusSettings, Endpoint, port_of
 from services.monitor.history.settings import HistorySettings, HistoryUrl, Moment, default_url
 from services.monitor.inventory.inventory import TrustLimits
 from services.monitor.inventory.sighting import NS, Debounce
+from services.monitor.liveness import LOST_S, STALE_S
 from services.monitor.web.auth.users import Role
 from services.option_names import given_as_options
 
@@ -31,10 +32,12 @@ class InventorySettings(BaseModel):
         Lists, Field(description="consecutive lists that must show less before its count falls")
     ] = 2
     vanish_s: Annotated[Seconds, Field(description="seconds for which they must do so")] = 1.0
-    stale_s: Annotated[float, Field(gt=0, le=3600, description="seconds without a list before a camera is stale")] = 3.0
+    stale_s: Annotated[float, Field(gt=0, le=3600, description="seconds without a list before a camera is stale")] = (
+        STALE_S
+    )
     lost_s: Annotated[
         float, Field(gt=0, le=86400, description="seconds without a list before a camera's view is unknown")
-    ] = 60.0
+    ] = LOST_S
 
     @model_validator(mode="after")
     def _stale_before_lost(self) -> Self:

@@ -3,7 +3,6 @@
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import msgspec
 
@@ -12,7 +11,7 @@ from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, WorkerStatus
 from services.monitor.fleet import Fleet, Row
 from services.monitor.inventory.inventory import Inventory, of_robot
-from services.monitor.inventory.sighting import NS
+from services.monitor.liveness import is_worker_online
 
 
 class CameraLine(msgspec.Struct, frozen=True, gc=False):
@@ -81,16 +80,12 @@ class Snapshot:
     workers: tuple[WorkerLine, ...]
 
 
-SILENT_NS: Final = 3 * NS
-"""Silence after which a worker counts as offline: workers report every second."""
-
-
 class Workers:
     """The newest status of every worker, by name, and each camera's frame counts there."""
 
     def __init__(self, fleet: Fleet, now_ns: int) -> None:
         self.lines = tuple(
-            WorkerLine(status, now_ns - last_ns <= SILENT_NS, last_ns)
+            WorkerLine(status, is_worker_online(last_ns, now_ns), last_ns)
             for name, status in sorted(fleet.workers.items())
             for last_ns in [fleet.worker_heard_ns.get(name, 0)]
         )
@@ -244,4 +239,4 @@ def known_until_ns(alert: Alert, inventory: Inventory, now_ns: int) -> int | Non
     view = inventory.camera(CameraKey(alert.robot, alert.camera))
     if view is None:
         return alert.raised_ns
-    return None if inventory.speaks(view, now_ns) else view.last_ns or alert.raised_ns
+    return None if inventory.is_available(view, now_ns) else view.last_ns or alert.raised_ns

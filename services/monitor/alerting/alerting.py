@@ -11,17 +11,16 @@ from uuid import uuid4
 from bus import Bus
 from schemas.alerts import Action, Alert, AlertState
 from schemas.keys import CameraKey
-from services.monitor.alerting.absence import Absentees
 from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome, Webhooks
 from services.monitor.event_loop import in_turns
-from services.monitor.health import Heartbeat
 from services.monitor.history.state import Act
+from services.monitor.inventory.availability import Absentees, AvailabilityTracker
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.camera_liveness import SpeakingCameras
-from services.monitor.inventory.inventory import MAX_MEMBERS, SETTLE_NS, Inventory
+from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory
 from services.monitor.inventory.sighting import NS, Change
+from services.monitor.liveness import SETTLE_NS, Heartbeat
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
 from services.monitor.rules.findings import CameraState
 from services.monitor.rules.model import PLACEHOLDERS, RobotAction
@@ -42,7 +41,7 @@ class Alerting:
         self,
         rules: RuleFile,
         inventory: Inventory,
-        hearing: Heartbeat,
+        heartbeat: Heartbeat,
         *,
         settle_s: float = SETTLE_NS / NS,
         offer_s: float = OFFER_S,
@@ -50,7 +49,7 @@ class Alerting:
     ) -> None:
         self._rules = rules
         self._inventory = inventory
-        self._hearing = hearing
+        self._heartbeat = heartbeat
         self._settled_s = time.monotonic() + settle_s
         self._offer_s = offer_s
         self._offered_s = time.monotonic()
@@ -58,8 +57,8 @@ class Alerting:
         self._engine: RuleEngine | None = None
         self._robots: set[str] = set()
         self._news = inventory.follow()
-        self._speaking = SpeakingCameras(inventory, inventory.speaks, speaks=False)
-        self._absentees = Absentees(inventory, self._hearing)
+        self._availability = AvailabilityTracker(inventory, inventory.is_available, available=False)
+        self._absentees = Absentees(inventory, self._heartbeat)
         self._look_at_all = True
         self._unsteady: set[CameraKey] = set()
         self._alerts = alerts_to_robots()
@@ -115,7 +114,7 @@ class Alerting:
         """Return lines for failing webhooks of the rules in force, and for a late heartbeat of the monitor."""
         waits = (
             ["silence alerts are held back: the monitor's own heartbeat is late; check the load of this machine"]
-            if self._hearing.deaf
+            if self._heartbeat.deaf
             else []
         )
         return [*waits, *self._webhooks.problems(self._rules.book.webhooks)]
@@ -152,7 +151,7 @@ class Alerting:
         swept_s = 0.0
         while True:
             await asyncio.sleep(TICK_S)
-            turned = self._hearing.advance(time.monotonic())
+            turned = self._heartbeat.advance(time.monotonic())
             if turned:
                 self._begin_anew()
             if not leads():
@@ -188,7 +187,7 @@ class Alerting:
         """Look at every camera that changed, came, went, began to speak or fell silent; at all if they are due."""
         everything, self._look_at_all = self._look_at_all, False
         robots, cameras = self._take_news()
-        turned = set(self._speaking.advance(time.time_ns(), self._views(cameras)))
+        turned = set(self._availability.advance(time.time_ns(), self._views(cameras)))
         looked_at = turned.union(self._views(self._unsteady | self._inventory.disputed() | cameras))
         if everything:
             robots, looked_at = self._robots, set(self._inventory.cameras())
@@ -219,15 +218,15 @@ class Alerting:
         if engine.concerns(camera.key):
             look = self._look_of(camera, now_ns)
             engine.look(look, now_ns)
-            if look.nearest or (look.speaks and not look.settled):  # may become old, or settle, without a change
+            if look.nearest or (look.available and not look.settled):  # may become old, or settle, without a change
                 self._unsteady.add(camera.key)
 
     def _look_of(self, camera: CameraView, now_ns: int) -> CameraState:
-        unknown = self._hearing.deaf or self._inventory.is_forgotten(camera.key.robot)
-        if unknown and not self._inventory.speaks(camera, now_ns):
-            return CameraState(camera.key, speaks=False)
+        unknown = self._heartbeat.deaf or self._inventory.is_forgotten(camera.key.robot)
+        if unknown and not self._inventory.is_available(camera, now_ns):
+            return CameraState(camera.key, available=False)
         silent_ns = self._absentees.silent_ns(camera.key)
-        return look_at(self._inventory, camera, now_ns, silent_ns, complete=self._hearing.settled)
+        return look_at(self._inventory, camera, now_ns, silent_ns, complete=self._heartbeat.settled)
 
     def _tell(self, effect: Effect, engine: RuleEngine) -> None:
         alert, rule = effect.alert, effect.rule
@@ -255,7 +254,7 @@ def look_at(
     sighted = list(camera.sighted())
     return CameraState(
         key=camera.key,
-        speaks=inventory.speaks(camera, now_ns),
+        available=inventory.is_available(camera, now_ns),
         silent_ns=silent_ns,
         complete=complete,
         counts={name: tracked.count.count for name, tracked in sighted},

@@ -7,10 +7,11 @@ from msgspec.structs import replace
 
 from schemas.keys import CameraKey
 from services.monitor.history.ledger import Ledger, StoredInterval
+from services.monitor.inventory.availability import AvailabilityTracker
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.camera_liveness import SpeakingCameras
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
+from services.monitor.liveness import is_recent
 
 CameraClass = tuple[CameraKey, str]
 """A camera and a class in view of it."""
@@ -152,7 +153,7 @@ class Disagreements:
 
     def _note(self, camera: CameraView, now_ns: int) -> None:
         """Enter a camera's disagreements; none while it has no primary model."""
-        found = self._found(camera, now_ns) if self._inventory.speaks(camera, now_ns) else {}
+        found = self._found(camera, now_ns) if self._inventory.is_available(camera, now_ns) else {}
         for name in self._open.get(camera.key, set()) - found.keys():
             self._ledger.end(Disagreement, (camera.key, name), now_ns)
         for name, new in found.items():
@@ -166,7 +167,7 @@ class Disagreements:
 
     def _found(self, camera: CameraView, now_ns: int) -> Mapping[str, Disagreement]:
         since_ns = now_ns - self._inventory.limits.stale_ns
-        speaker = "" if camera.speaker is None else camera.speaker.model
+        primary = "" if camera.primary is None else camera.primary.model
         return {
             name: Disagreement(
                 since_ns=now_ns,
@@ -175,7 +176,7 @@ class Disagreements:
                 key=camera.key,
                 name=name,
                 count=ours,
-                model=speaker,
+                model=primary,
                 other_count=theirs,
                 other_model=_who_counts(camera, name, theirs, since_ns),
             )
@@ -184,7 +185,7 @@ class Disagreements:
 
 
 def _who_counts(camera: CameraView, name: str, count: int, since_ns: int) -> str:
-    """Return the model, other than the one that speaks, that counts so many of a class."""
+    """Return the model, other than the one that available, that counts so many of a class."""
     return next((view.model for view in camera.others(since_ns) if view.count_of(name) == count), "")
 
 
@@ -198,18 +199,18 @@ class Silence:
 
     def begin_anew(self) -> None:
         """Find the silent cameras in a database that has all as live."""
-        self._speaking = SpeakingCameras(self._inventory, self._speaks, speaks=True)
+        self._availability = AvailabilityTracker(self._inventory, self._is_recent, available=True)
 
     def note(self, now_ns: int) -> None:
         """End the intervals of cameras that fell silent, and reopen them when the cameras resume."""
-        for camera in self._speaking.advance(now_ns):
+        for camera in self._availability.advance(now_ns):
             if camera.lost:
                 continue
             in_view = [sighting for sighting in camera.sightings() if sighting.count]
-            if self._speaks(camera, now_ns):
+            if self._is_recent(camera, now_ns):
                 self._sightings.resume(in_view)
             else:
                 self._sightings.pause(in_view)
 
-    def _speaks(self, camera: CameraView, now_ns: int) -> bool:
-        return camera.last_ns >= now_ns - self._inventory.limits.stale_ns
+    def _is_recent(self, camera: CameraView, now_ns: int) -> bool:
+        return is_recent(camera.last_ns, now_ns, self._inventory.limits.stale_ns)

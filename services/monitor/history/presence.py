@@ -5,9 +5,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, Self
 
 from services.monitor.history.ledger import Ledger, StoredInterval
-from services.monitor.inventory.camera_liveness import SpeakingCameras
-from services.monitor.inventory.inventory import SETTLE_NS, Inventory
+from services.monitor.inventory.availability import AvailabilityTracker
+from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.sighting import NS
+from services.monitor.liveness import SETTLE_NS
 from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.pose import Pose
 
@@ -53,7 +54,7 @@ class Attendance:
         self._inventory = inventory
         self._ledger = ledger
         self._news = inventory.follow()
-        self._speaking = SpeakingCameras(inventory, inventory.speaks, speaks=False)
+        self._availability = AvailabilityTracker(inventory, inventory.is_available, available=False)
         self._before: dict[Place, int] = {}
         self._settled_ns = 0
 
@@ -80,10 +81,10 @@ class Attendance:
         for robot in robots:
             self._note((robot, ""), now_ns, there=self._inventory.is_alive(robot))
             yield
-        for camera in self._speaking.advance(now_ns, told):
+        for camera in self._availability.advance(now_ns, told):
             key = camera.key
-            speaks = self._inventory.speaks(camera, now_ns)
-            self._note((key.robot, key.camera), now_ns, there=speaks, heard_ns=camera.last_ns)
+            available = self._inventory.is_available(camera, now_ns)
+            self._note((key.robot, key.camera), now_ns, there=available, heard_ns=camera.last_ns)
             yield
 
     def note_gone(self, robot: str, now_ns: int) -> None:

@@ -11,6 +11,7 @@ from schemas.distances import Distances, ObjectDistance
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change, ChangeKind, Debounce, Sighting
 from services.monitor.inventory.view import MAX_CLASSES, FrameOrder, ModelView, Tracked, Vocabularies
+from services.monitor.liveness import is_view_current
 
 MAX_MODELS: Final = 4
 """How many models are followed on one camera, and how many second opinions."""
@@ -29,14 +30,14 @@ class CameraView:
     models are compared.
     """
 
-    __slots__ = ("_distance_order", "_opined_ns", "_vocabularies", "key", "lost", "opinions", "speaker", "views")
+    __slots__ = ("_distance_order", "_opined_ns", "_vocabularies", "key", "lost", "opinions", "primary", "views")
 
     def __init__(self, key: CameraKey, vocabularies: Vocabularies | None = None) -> None:
         self.key = key
         self._vocabularies = {} if vocabularies is None else vocabularies
         self.views: dict[str, ModelView] = {}
         self.opinions: dict[str, ModelView] = {}
-        self.speaker: ModelView | None = None
+        self.primary: ModelView | None = None
         self.lost = False
         self._opined_ns = 0
         self._distance_order = FrameOrder()
@@ -44,16 +45,17 @@ class CameraView:
     @property
     def last_ns(self) -> int:
         """The arrival time of the primary model's newest class list; 0 before the first."""
-        return self.speaker.last_ns if self.speaker else 0
+        return self.primary.last_ns if self.primary else 0
 
     @property
     def settled(self) -> bool:
         """Whether enough lists came, without a gap, to tell that a class is absent."""
-        return self.speaker is not None and self.speaker.settled
+        return self.primary is not None and self.primary.settled
 
-    def speaks(self, since_ns: int) -> bool:
+    def is_available(self, since_ns: int) -> bool:
         """Whether the view is current: lists came since then, and not only the one that late subscribers get."""
-        return self.speaker is not None and self.speaker.lists > 1 and self.last_ns >= since_ns and not self.lost
+        view = self.primary
+        return view is not None and is_view_current(view.lists, view.last_ns, since_ns, lost=self.lost)
 
     def see(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int, lost_ns: int) -> list[Change] | None:
         """Take a class list; return None if it is a duplicate or late.
@@ -72,10 +74,10 @@ class CameraView:
             for each in self.views.values():
                 each.begin_anew(at_ns)
         moved = view.advance(seen, at_ns, debounce)
-        if view is not self.speaker:
-            if self.speaker is not None and at_ns - self.speaker.last_ns <= silent_ns:
+        if view is not self.primary:
+            if self.primary is not None and at_ns - self.primary.last_ns <= silent_ns:
                 return lost
-            return [*lost, *self._hand_over(self.speaker, view)]
+            return [*lost, *self._hand_over(self.primary, view)]
         return [*lost, *(self._change(name, view) for name in moved)]
 
     def opine(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int) -> bool:
@@ -104,15 +106,15 @@ class CameraView:
         """Take distances; return False if they are a duplicate or late."""
         if not self._distance_order.take(distances.header, at_ns):
             return False
-        if self.speaker is not None:
+        if self.primary is not None:
             nearest = nearest_of(distances.objects)
-            for name, tracked in self.speaker.classes.items():
+            for name, tracked in self.primary.classes.items():
                 tracked.measure(nearest.get(name), at_ns)
         return True
 
     def is_forsaken(self, since_ns: int) -> bool:
         """Whether the view has expired: no class list has arrived since then."""
-        return self.last_ns < since_ns and self.speaker is not None and not self.lost
+        return self.last_ns < since_ns and self.primary is not None and not self.lost
 
     def lose(self) -> list[Change]:
         """Drop the view: no class list has arrived for too long."""
@@ -131,7 +133,7 @@ class CameraView:
 
     def restore(self, sighting: Sighting) -> None:
         """Take a stored sighting, whatever its model; the first model heard becomes primary."""
-        view = self.speaker or self._add(sighting.model, sighting.last_ns)
+        view = self.primary or self._add(sighting.model, sighting.last_ns)
         if sighting.count or len(view.classes) < MAX_CLASSES:
             tracked = view.classes[sighting.name] = Tracked(sighting.count)
             tracked.score, tracked.worker, tracked.closest_m = sighting.score, sighting.worker, sighting.closest_m
@@ -141,31 +143,31 @@ class CameraView:
 
     def sightings(self, nearest_since_ns: int = 0) -> Iterator[Sighting]:
         """Yield each class that is or was in view; a distance older than `nearest_since_ns` is left out."""
-        if self.speaker is not None:
+        if self.primary is not None:
             for name, tracked in self.sighted():
-                yield tracked.sighting(self.key, name, self.speaker.model, nearest_since_ns)
+                yield tracked.sighting(self.key, name, self.primary.model, nearest_since_ns)
 
     def sighted(self) -> Iterator[tuple[str, Tracked]]:
         """Yield each class that is or was in view; read only."""
-        if self.speaker is not None:
-            yield from ((name, tracked) for name, tracked in self.speaker.classes.items() if tracked.first_ns)
+        if self.primary is not None:
+            yield from ((name, tracked) for name, tracked in self.primary.classes.items() if tracked.first_ns)
 
     def in_view(self) -> tuple[ClassCount, ...] | None:
         """Return the settled or last count of each class in view, by name; None before it is known."""
-        if self.speaker is None:
+        if self.primary is None:
             return None
         counted = [
             ClassCount(name, tracked.count.count, tracked.score)
-            for name, tracked in self.speaker.classes.items()
+            for name, tracked in self.primary.classes.items()
             if tracked.count.count
         ]
         counted.sort(key=_NAME)
-        return tuple(counted) if counted or self.speaker.settled else None
+        return tuple(counted) if counted or self.primary.settled else None
 
     def others(self, since_ns: int) -> Iterator[ModelView]:
         """Yield the other models that sent enough lists since then."""
         for view in chain(self.views.values(), self.opinions.values()):
-            if view is not self.speaker and view.last_ns >= since_ns and view.settled:
+            if view is not self.primary and view.last_ns >= since_ns and view.settled:
                 yield view
 
     def disagreements(self, since_ns: int) -> dict[str, tuple[int, int]]:
@@ -174,27 +176,27 @@ class CameraView:
         A class that one of them does not know is none: see `CameraView.knows`.
         """
         found: dict[str, tuple[int, int]] = {}
-        if self.speaker is None or not self.speaker.settled:
+        if self.primary is None or not self.primary.settled:
             return found
         for view in self.others(since_ns):
-            for name in {**self.speaker.classes, **view.classes}:
-                ours, theirs = self.speaker.count_of(name), view.count_of(name)
-                if ours != theirs and all(each.knows(name, self._vocabularies) for each in (self.speaker, view)):
+            for name in {**self.primary.classes, **view.classes}:
+                ours, theirs = self.primary.count_of(name), view.count_of(name)
+                if ours != theirs and all(each.knows(name, self._vocabularies) for each in (self.primary, view)):
                     found[name] = (ours, theirs)
         return found
 
     def _add(self, model: str, at_ns: int) -> ModelView:
         if len(self.views) >= MAX_MODELS:
-            silent = [view for view in self.views.values() if view is not self.speaker]
+            silent = [view for view in self.views.values() if view is not self.primary]
             del self.views[min(silent, key=lambda view: view.last_ns).model]
         view = self.views[model] = ModelView(model, at_ns)
-        if self.speaker is None:
-            self.speaker = view
+        if self.primary is None:
+            self.primary = view
         return view
 
     def _hand_over(self, old: ModelView | None, new: ModelView) -> list[Change]:
         """Make another model primary, which continues the old one's sightings; return the changes."""
-        self.speaker = new
+        self.primary = new
         before = {} if old is None else {name: tracked for name, tracked in old.classes.items() if tracked.first_ns}
         moved = [
             name
@@ -202,7 +204,7 @@ class CameraView:
             if mine.count.count and (name not in before or before[name].count.count != mine.count.count)
         ]
         if old is not None:
-            new.speak(moved, old.last_ns)
+            new.take_over(moved, old.last_ns)
         for name in moved:
             tracked = new.classes[name]
             tracked.came = name not in before or before[name].count.count == 0

@@ -14,14 +14,12 @@ from schemas.distances import Distances
 from schemas.keys import CameraKey, camera_key
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.sighting import NS, Change, Debounce, Sighting
+from services.monitor.liveness import LOST_S, STALE_S
 
 MAX_MEMBERS: Final = 20_000
 """Maximum number of robots, or cameras, followed; a flood of names cannot fill memory."""
 
 MAX_NS: Final = 2**63 - 1
-
-SETTLE_NS: Final = 3 * NS
-"""Time after a monitor's start during which presence is still unknown."""
 
 
 class InventoryFullError(Exception):
@@ -37,8 +35,8 @@ class TrustLimits:
     """
 
     debounce: Debounce = field(default_factory=Debounce)
-    stale_ns: int = 3 * NS
-    lost_ns: int = 60 * NS
+    stale_ns: int = round(STALE_S * NS)
+    lost_ns: int = round(LOST_S * NS)
 
 
 class Entry(msgspec.Struct, frozen=True, gc=False):
@@ -232,9 +230,9 @@ class Inventory:
         """Whether a camera and its robot's gateway are online."""
         return key in self._present and key.robot in self._alive
 
-    def speaks(self, camera: CameraView, now_ns: int) -> bool:
+    def is_available(self, camera: CameraView, now_ns: int) -> bool:
         """Whether a camera's view is current."""
-        return self.online(camera.key) and camera.speaks(now_ns - self.limits.stale_ns)
+        return self.online(camera.key) and camera.is_available(now_ns - self.limits.stale_ns)
 
     def entries(self, now_ns: int, *, robot: str = "", camera: str = "", name: str = "") -> Iterator[Entry]:
         """Yield the sightings, ordered as by `in_order` and then class; of one robot or camera if it is named."""
@@ -244,7 +242,7 @@ class Inventory:
     def entries_of(self, key: CameraKey, now_ns: int) -> list[Entry]:
         """Return a camera's sightings, by class."""
         view = self._cameras[key]
-        available = self.speaks(view, now_ns)
+        available = self.is_available(view, now_ns)
         of = sorted(view.sightings(now_ns - self.limits.stale_ns), key=attrgetter("name"))
         return [Entry(sighting, available) for sighting in of]
 

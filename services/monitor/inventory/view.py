@@ -188,7 +188,7 @@ class ModelView:
         for tracked in self.classes.values():
             tracked.set_back(now_ns)
 
-    def speak(self, moved: Iterable[str], since_ns: int) -> None:
+    def take_over(self, moved: Iterable[str], since_ns: int) -> None:
         """Become the primary model since then, replacing one that reported otherwise about these classes until then."""
         self.began_ns = max(self.began_ns, since_ns)
         for tracked in (self.classes[name] for name in moved):

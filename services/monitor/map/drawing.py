@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from html import escape
 from typing import Final, Self
 
+from services.monitor.liveness import OBJECT_FRESH_NS, is_recent
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import Mark
 from services.monitor.map.pose import DrawnRobot
 
 NS: Final = 1_000_000_000
-FRESH_NS: Final = 10 * NS
-"""Objects not seen for longer are grey."""
-
 MOST_SHOWN: Final = 500
 STALE: Final = "#9e9e9e"
 WIDTH: Final = 1_200
@@ -111,7 +109,7 @@ def svg_of(
 
 def is_fresh(mark: Mark, now_ns: int) -> bool:
     """Whether the mark was seen recently."""
-    return now_ns - mark.seen_ns <= FRESH_NS
+    return is_recent(mark.seen_ns, now_ns, OBJECT_FRESH_NS)
 
 
 def _is_near(x: float, y: float) -> bool:

@@ -8,6 +8,7 @@ from typing import Final
 
 from schemas.distances import Distances, ObjectDistance
 from services.monitor.inventory.inventory import MAX_MEMBERS
+from services.monitor.liveness import is_pose_live
 from services.monitor.map.pose import MAP, DrawnRobot, Pose, pose_of
 
 MOST: Final = 2_000
@@ -158,9 +159,6 @@ def _same(mark: Mark, other: Mark) -> bool:
     return not of_one_image and math.hypot(mark.x - other.x, mark.y - other.y) < SAME_M
 
 
-LOST_NS: Final = 5_000_000_000
-"""Age from which a pose is no longer current."""
-
 MAX_POSES: Final = MAX_MEMBERS
 """Maximum number of poses kept, the newest ones: as many as robots are followed."""
 
@@ -208,4 +206,6 @@ class LastPoses:
         """
         wanted = sorted(name for name in self.names(now_ns) if robot in ("", name))
         poses = ((name, self._known[name].pose) for name in wanted)
-        return [DrawnRobot(name, pose, live=name in online and now_ns - pose.at_ns <= LOST_NS) for name, pose in poses]
+        return [
+            DrawnRobot(name, pose, live=is_pose_live(pose.at_ns, now_ns, online=name in online)) for name, pose in poses
+        ]

@@ -11,12 +11,13 @@ from nicegui import ui
 from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
-from services.monitor.fleet import STALE_S, Age
+from services.monitor.fleet import Age
 from services.monitor.inventory.sighting import Sighting
 from services.monitor.join_address import endpoint_to_join
 from services.monitor.live_views.newest import FrameLists, Newest, Views
 from services.monitor.live_views.shared import CrowdedError
 from services.monitor.live_views.why_no_picture import Reason, facts_of, why_nothing
+from services.monitor.liveness import STALE_S
 from services.monitor.monitor import Monitor
 from services.monitor.page.components import FLEET, still
 from services.monitor.page.frame import page_at, page_frame
@@ -196,7 +197,7 @@ class _Live:
         view = inventory.camera(self._key)
         since_ns = now_ns - inventory.limits.stale_ns
         seen = sorted(view.sightings(since_ns), key=lambda each: each.name) if view else []
-        available = view is not None and inventory.speaks(view, now_ns)
+        available = view is not None and inventory.is_available(view, now_ns)
         self._when.set_text(f"In view{'' if available or not seen else ' when last heard'}, settled")
         self._classes.set_content(rows([each for each in seen if each.count], now_ns, available=available))
         counted = otherwise(view.disagreements(since_ns)) if view is not None and available else ""

@@ -11,12 +11,12 @@ from nicegui.elements.scene.objects.box import Box
 
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
-from services.monitor.fleet import STALE_S
 from services.monitor.join_address import endpoint_to_join
 from services.monitor.live_views.newest import Newest, Views
 from services.monitor.live_views.object_scene import Solid, frame_of, rounded, solids_of
 from services.monitor.live_views.shared import CrowdedError
 from services.monitor.live_views.why_no_picture import Reason, facts_of, why_nothing
+from services.monitor.liveness import STALE_S
 from services.monitor.map.drawing import colour_of
 from services.monitor.monitor import Monitor
 from services.monitor.page.components import FLEET

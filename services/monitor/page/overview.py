@@ -9,6 +9,7 @@ from nicegui import events, ui
 
 from services.monitor.event_loop import pause
 from services.monitor.join_address import ALSO_ELSEWHERE, endpoint_to_join, is_here_alone
+from services.monitor.liveness import RobotState
 from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError
 from services.monitor.page.components import FLEET, WALL, Confirmation, Tile
 from services.monitor.page.frame import REFRESH_S, nothing_yet, page_at, page_frame
@@ -16,7 +17,7 @@ from services.monitor.page.live_table import SEARCH, Choices, Column, LiveTable,
 from services.monitor.page.page_data import Shared
 from services.monitor.page.rows.formatting import ROBOT_BODY, ROBOT_CARD
 from services.monitor.page.rows.overview import robot_row
-from services.monitor.page.rows.robots import RobotFilter, RobotState, Survey
+from services.monitor.page.rows.robots import RobotFilter, Survey
 from services.monitor.web.auth.users import Visitor
 
 COLUMNS: Final = (

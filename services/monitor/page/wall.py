@@ -11,6 +11,7 @@ from nicegui import events, ui
 
 from schemas.alerts import Alert, Severity
 from services.monitor.history.state import HistoryError
+from services.monitor.liveness import RobotState
 from services.monitor.monitor import Monitor
 from services.monitor.page.components import WALL, still
 from services.monitor.page.frame import REFRESH_S, page_at, page_frame
@@ -19,7 +20,7 @@ from services.monitor.page.page_data import Shared
 from services.monitor.page.rows.alerts import doubt_of, severity_figures
 from services.monitor.page.rows.formatting import NOTHING
 from services.monitor.page.rows.overview import alert_line, lost_line, pressing, robot_cell, turned
-from services.monitor.page.rows.robots import RobotFilter, RobotState, Survey
+from services.monitor.page.rows.robots import RobotFilter, Survey
 from services.monitor.web.auth.users import Visitor
 
 TURN_S: Final = 10.0

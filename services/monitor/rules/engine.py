@@ -121,7 +121,7 @@ class RuleEngine:
         robot, camera = look.key.robot, look.key.camera
         if (names := self._inherited.get((robot, camera))) is not None:  # classes of restored alerts
             look = msgspec.structs.replace(look, counts={**dict.fromkeys(names, 0), **look.counts})
-        (self._unknown.discard if look.speaks else self._unknown.add)((robot, camera))
+        (self._unknown.discard if look.available else self._unknown.add)((robot, camera))
         for rule in self._rules_of(robot, camera):
             for found in findings(rule, look):
                 self._find(rule, (robot, camera, found.name), found, now_ns)

@@ -55,7 +55,7 @@ def offline_text(robot: str) -> str:
 
 
 class CameraState(msgspec.Struct, frozen=True, gc=False):
-    """The state of one camera. speaks: it is current; else it is the last known one.
+    """The state of one camera. available: it is current; else it is the last known one.
 
     silent_ns: since when the camera says nothing, epoch; None while that is not sure. complete: what is missing is not
     there; else, as soon after the monitor could hear nothing, it may be still to come.
@@ -65,7 +65,7 @@ class CameraState(msgspec.Struct, frozen=True, gc=False):
     """
 
     key: CameraKey
-    speaks: bool
+    available: bool
     silent_ns: int | None = None
     complete: bool = True
     counts: Mapping[str, int] = {}
@@ -95,25 +95,25 @@ def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:
     match rule:
         case AppearsRule() | DisappearsRule():
             in_view = look.counts.get(rule.of, 0) > 0
-            known = look.speaks and (in_view or look.settled)
+            known = look.available and (in_view or look.settled)
             if known and in_view is isinstance(rule, DisappearsRule):
                 yield Finding(rule.of, holds=False)
         case SilentRule():
             if rule.of_cameras:
                 yield _silent(look)
-        case OverRule() if look.speaks:
+        case OverRule() if look.available:
             count = look.counts.get(rule.of, 0)
             over = count > rule.count
             text = over_text(rule.of, look.key, count, rule.count) if over else ""
             yield Finding(rule.of, over if over or look.settled else None, text)
-        case UnderRule() if look.speaks:
+        case UnderRule() if look.available:
             count = look.counts.get(rule.of, 0)
             under = count < rule.count
             text = under_text(rule.of, look.key, count, rule.count) if under else ""
             yield Finding(rule.of, under if look.settled or not under else None, text)
-        case NearerRule() if look.speaks:
+        case NearerRule() if look.available:
             yield _nearer(rule, look)
-        case DisagreeRule() if look.speaks:
+        case DisagreeRule() if look.available:
             yield from _disagreements(rule, look)
         case OverRule() | UnderRule() | NearerRule() | DisagreeRule():
             return
@@ -140,7 +140,7 @@ def found_in(change: Change, rule: AnyRule) -> Finding | None:
 
 
 def _silent(look: CameraState) -> Finding:
-    if look.speaks:
+    if look.available:
         return Finding("", holds=False)
     if look.silent_ns is None:
         return Finding("", holds=None)

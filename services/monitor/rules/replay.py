@@ -10,8 +10,8 @@ from schemas.alerts import Alert
 from schemas.keys import CameraKey
 from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.presence import RESTORED_NS, Presence
-from services.monitor.inventory.inventory import SETTLE_NS
 from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
+from services.monitor.liveness import SETTLE_NS
 from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.findings import CameraState
 from services.monitor.rules.model import NearerRule, RuleBook
@@ -29,17 +29,17 @@ class _Robot:
 
 @dataclass(slots=True)
 class _Camera:
-    """speaks: None while it is unknown whether it ever was live."""
+    """available: None while it is unknown whether it ever was live."""
 
     counts: dict[str, int] = field(default_factory=dict)
     nearest: dict[str, float] = field(default_factory=dict)
     disagreements: dict[str, tuple[int, int]] = field(default_factory=dict)
-    speaks: bool | None = None
+    available: bool | None = None
     last_ns: int = 0
 
     @property
     def goes_on(self) -> bool:
-        return bool(self.speaks) or any(self.counts.values())
+        return bool(self.available) or any(self.counts.values())
 
 
 class _Memory:
@@ -56,7 +56,7 @@ class _Memory:
             case Presence(camera="") as of:
                 self.robots[of.robot] = _Robot(step.begins, step.at_ns)
             case Presence() as of:
-                self._camera(CameraKey(of.robot, of.camera), step.at_ns).speaks = step.begins
+                self._camera(CameraKey(of.robot, of.camera), step.at_ns).available = step.begins
             case Disagreement() as of:
                 _dispute(self._camera(of.key, step.at_ns), of, begins=step.begins)
 
@@ -133,10 +133,10 @@ def _look(engine: RuleEngine, steps: Iterable[Step], memory: _Memory, at_ns: int
     """Evaluate the subjects of the steps. told: presence is known."""
     for key in {key for step in steps for key in _cameras(step, memory)}:
         of = memory.cameras[key]
-        speaks = of.speaks is not False or not told
+        available = of.available is not False or not told
         disagreements = of.disagreements if told else {}
-        silent_ns = None if speaks else at_ns
-        look = CameraState(key, speaks, silent_ns, counts=of.counts, nearest=of.nearest, disagreements=disagreements)
+        silent_ns = None if available else at_ns
+        look = CameraState(key, available, silent_ns, counts=of.counts, nearest=of.nearest, disagreements=disagreements)
         engine.look(look, at_ns)
     for name in {name for step in steps for name in _robots(step, memory)} if told else ():
         engine.robot(name, alive=memory.robots[name].there, now_ns=at_ns)

@@ -1,6 +1,7 @@
 from schemas.keys import CameraKey
 from services.monitor.fleet import Fleet
-from services.monitor.snapshot import SILENT_NS, FleetView, Snapshot, SnapshotMaker, Workers
+from services.monitor.liveness import WORKER_ONLINE_NS
+from services.monitor.snapshot import FleetView, Snapshot, SnapshotMaker, Workers
 from tests.services.monitor.web.api.seeing import ODD, fill
 
 
@@ -41,8 +42,8 @@ def test_a_worker_that_says_nothing_serves_nobody() -> None:
     fleet = Fleet("clock")
     fill(fleet)
     heard_ns = fleet.worker_heard_ns["detector", "w1"]
-    assert snapshot(fleet, heard_ns + SILENT_NS).workers[0].online
-    later = snapshot(fleet, heard_ns + SILENT_NS + 1)
+    assert snapshot(fleet, heard_ns + WORKER_ONLINE_NS).workers[0].online
+    later = snapshot(fleet, heard_ns + WORKER_ONLINE_NS + 1)
     assert (later.workers[0].online, later.workers[0].serves, later.cameras[0].served_by) == (False, (), ())
 
 
@@ -89,4 +90,4 @@ def test_workers_of_a_service_are_those_that_are_there() -> None:
     fill(fleet)
     heard_ns = fleet.worker_heard_ns["detector", "w1"]
     assert [each.worker for each in Workers(fleet, heard_ns).of("detector")] == ["w1"]
-    assert Workers(fleet, heard_ns).of("cloud") == Workers(fleet, heard_ns + SILENT_NS + 1).of("detector") == []
+    assert Workers(fleet, heard_ns).of("cloud") == Workers(fleet, heard_ns + WORKER_ONLINE_NS + 1).of("detector") == []

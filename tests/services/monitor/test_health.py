@@ -1,7 +1,8 @@
 import asyncio
 
 from bus.fake import FakeNetwork
-from services.monitor.health import STALLED_S, Health
+from services.monitor.health import Health
+from services.monitor.liveness import STALLED_S
 from tests.contract.waiting import until
 
 

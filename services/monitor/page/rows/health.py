@@ -7,8 +7,9 @@ from typing import Any, Final
 from schemas.header import MAX_COUNT
 from schemas.status import StreamStatus, WorkerStatus
 from services.monitor.formats import natural
+from services.monitor.liveness import RobotState
 from services.monitor.page.rows.formatting import DROPPED, NOTHING, NS, STATE, WHEN, ago, brief, iso, rate_text
-from services.monitor.page.rows.robots import RobotRow, RobotState
+from services.monitor.page.rows.robots import RobotRow
 from services.monitor.snapshot import WorkerLine
 
 MAX_SHOWN: Final = 12

@@ -7,10 +7,11 @@ from html import escape
 from typing import Any, Final, TypeVar
 
 from schemas.alerts import Alert, AlertState, Severity
+from services.monitor.liveness import RobotState
 from services.monitor.page.rows.alerts import most_urgent_first
 from services.monitor.page.rows.formatting import age_text, ago, iso, plural, rate_text
 from services.monitor.page.rows.health import dropped_cells
-from services.monitor.page.rows.robots import RobotRow, RobotState
+from services.monitor.page.rows.robots import RobotRow
 from services.monitor.snapshot import CameraLine
 
 MAX_CAMERAS: Final = 8

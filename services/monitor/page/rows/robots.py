@@ -3,7 +3,6 @@
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
@@ -11,27 +10,12 @@ from schemas.keys import CameraKey
 from services.monitor.event_loop import in_turns
 from services.monitor.fleet import Row
 from services.monitor.formats import cameras_in_order, natural, natural_camera
+from services.monitor.liveness import ROBOT_SILENT_NS, RobotState, robot_state
 from services.monitor.page.rows.formatting import NS, lasting
 from services.monitor.snapshot import CameraLine, FleetView, RobotLine
 
-QUIET_NS: Final = 5 * NS
-"""Gateways report every second; one silent for longer is not relied on, though it is online."""
-
-
 DETECTOR: Final = "detector/"
 """Name prefix of workers that report class lists."""
-
-
-class RobotState(StrEnum):
-    """The state of a robot, the worst first. OFFLINE and SILENT robots are not available."""
-
-    OFFLINE = "offline"
-    """Its gateway is gone."""
-    SILENT = "silent"
-    """Its gateway is online, but no current class lists arrive from its cameras."""
-    TROUBLE = "trouble"
-    """It works, but not all of it."""
-    ONLINE = "online"
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,14 +76,7 @@ def in_natural_order(names: tuple[str, ...]) -> tuple[str, ...]:
 
 def state_of(rows: Sequence[Row], silent_ns: int, *, online: bool, wrong: bool) -> RobotState:
     """Return the state of a robot. rows: its cameras. silent_ns: since its last message. wrong: it has problems."""
-    if not online:
-        return RobotState.OFFLINE
-    if silent_ns > QUIET_NS:
-        return RobotState.SILENT
-    there = [row for row in rows if row.online]
-    if there and all(row.stale for row in there):
-        return RobotState.SILENT
-    return RobotState.TROUBLE if wrong else RobotState.ONLINE
+    return robot_state(silent_ns, (row.stale for row in rows if row.online), online=online, has_problem=wrong)
 
 
 def robot_of(glance: FleetView, of: Standing) -> RobotRow:
@@ -123,7 +100,7 @@ def standing(line: RobotLine, cameras: Sequence[CameraLine], now_ns: int) -> tup
             return state, "its gateway is gone"
         case RobotState.SILENT if not line.last_ns:
             return state, "nothing heard yet"
-        case RobotState.SILENT if silent_ns > QUIET_NS:
+        case RobotState.SILENT if silent_ns > ROBOT_SILENT_NS:
             return state, f"nothing heard for {lasting(silent_ns / NS)}"
         case RobotState.SILENT if not line.problems:
             return state, _unseen([camera for camera in cameras if camera.row.online])

@@ -2,7 +2,7 @@
 
 import time
 
-from services.monitor.health import Heartbeat
+from services.monitor.liveness import Heartbeat
 
 
 def hears(lease_s: float = 1.0) -> Heartbeat:

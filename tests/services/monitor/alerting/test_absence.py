@@ -1,7 +1,7 @@
-from services.monitor.alerting.absence import Absentees
-from services.monitor.health import GAP_S, Heartbeat
+from services.monitor.inventory.availability import Absentees
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory, TrustLimits
+from services.monitor.liveness import NETWORK_GRACE_S, Heartbeat
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 LEASE_S = 2.0
@@ -58,7 +58,7 @@ def test_a_robot_that_goes_is_surely_gone_a_moment_later_since_it_went() -> None
     assert watch.robots(10) == {"r1": (True, 10), "r2": (True, 10)}
     watch.inventory.robot_presence("r1", alive=False)
     assert watch.robots(11) == {"r1": (None, 11), "r2": (True, 11)}
-    assert watch.robots(11 + GAP_S) == {"r1": (False, 11), "r2": (True, 11 + GAP_S)}
+    assert watch.robots(11 + NETWORK_GRACE_S) == {"r1": (False, 11), "r2": (True, 11 + NETWORK_GRACE_S)}
     assert watch.robots(60)["r1"] == (False, 11)
     watch.inventory.robot_presence("r1", alive=True)
     assert watch.robots(61)["r1"] == (True, 61)
@@ -69,10 +69,10 @@ def test_nobody_is_surely_gone_before_the_monitor_heard_itself_again() -> None:
     watch.robots(10)
     watch.inventory.robot_presence("r1", alive=False)
     watch.robots(11)
-    watch.hearing.advance(11 + 2 * GAP_S)  # heard at 11 last
-    assert watch.ripen(11 + 2 * GAP_S) == ([], [])
-    watch.advance(11 + 3 * GAP_S)
-    assert watch.ripen(11 + 3 * GAP_S) == (["r1"], [])
+    watch.hearing.advance(11 + 2 * NETWORK_GRACE_S)  # heard at 11 last
+    assert watch.ripen(11 + 2 * NETWORK_GRACE_S) == ([], [])
+    watch.advance(11 + 3 * NETWORK_GRACE_S)
+    assert watch.ripen(11 + 3 * NETWORK_GRACE_S) == (["r1"], [])
 
 
 def test_who_goes_with_the_monitors_own_link_may_be_there_though_the_link_is_missed_later() -> None:
@@ -81,14 +81,14 @@ def test_who_goes_with_the_monitors_own_link_may_be_there_though_the_link_is_mis
     for robot in NAMES:
         watch.inventory.robot_presence(robot, alive=False)
     assert {alive for alive, _ in watch.robots(11).values()} == {None}
-    assert {alive for alive, _ in watch.robots(11 + GAP_S / 2, heard=False).values()} == {None}
+    assert {alive for alive, _ in watch.robots(11 + NETWORK_GRACE_S / 2, heard=False).values()} == {None}
     assert {alive for alive, _ in watch.robots(60, heard=False).values()} == {None}
     assert {alive for alive, _ in watch.robots(100).values()} == {None}
     watch.inventory.robot_presence("r1", alive=True)
     assert watch.robots(101) == {"r1": (True, 101), "r2": (None, 101)}
     settled_s = 100 + SETTLE_S
     assert watch.robots(settled_s)["r2"] == (None, settled_s)
-    assert watch.robots(settled_s + GAP_S)["r2"] == (False, settled_s)
+    assert watch.robots(settled_s + NETWORK_GRACE_S)["r2"] == (False, settled_s)
 
 
 def test_what_a_monitor_that_cannot_hear_knew_of_robots_is_not_known_any_more() -> None:
@@ -96,12 +96,12 @@ def test_what_a_monitor_that_cannot_hear_knew_of_robots_is_not_known_any_more() 
     watch.robots(10)
     watch.inventory.robot_presence("r1", alive=False)
     watch.robots(11)
-    assert watch.robots(11 + GAP_S)["r1"] == (False, 11)
+    assert watch.robots(11 + NETWORK_GRACE_S)["r1"] == (False, 11)
     assert watch.robots(20, heard=False) == {"r1": (None, 20), "r2": (None, 20)}
 
 
 def test_a_camera_is_silent_a_moment_after_its_lists_ended_or_once_its_link_would_be_lost() -> None:
-    for stale_s, sure_s in ((3.0, GAP_S), (0.5, GAP_S + LEASE_S - 0.5)):
+    for stale_s, sure_s in ((3.0, NETWORK_GRACE_S), (0.5, NETWORK_GRACE_S + LEASE_S - 0.5)):
         watch = Watch(TrustLimits(stale_ns=round(stale_s * S)))
         watch.inventory.camera_presence(FRONT, alive=True)
         for at_s in (10, 10.1):
@@ -120,8 +120,8 @@ def test_a_camera_that_joins_is_silent_once_it_was_there_without_a_list_for_the_
     watch.inventory.camera_presence(FRONT, alive=True)
     assert watch.silent_s(10, told=True) is None
     assert watch.silent_s(10.1) is None
-    assert watch.silent_s(10 + STALE_S + GAP_S - 0.1) is None
-    assert watch.silent_s(10 + STALE_S + GAP_S) == 10 + STALE_S
+    assert watch.silent_s(10 + STALE_S + NETWORK_GRACE_S - 0.1) is None
+    assert watch.silent_s(10 + STALE_S + NETWORK_GRACE_S) == 10 + STALE_S
 
 
 def test_a_camera_whose_lists_are_rare_is_silent_the_stale_time_after_its_newest() -> None:
@@ -129,9 +129,9 @@ def test_a_camera_whose_lists_are_rare_is_silent_the_stale_time_after_its_newest
     watch.inventory.camera_presence(FRONT, alive=True)
     assert watch.silent_s(10, told=True) is None
     watch.see(12.9)
-    assert watch.silent_s(10 + STALE_S + GAP_S) is None
-    assert watch.silent_s(12.9 + STALE_S + GAP_S - 0.1) is None
-    assert watch.silent_s(12.9 + STALE_S + GAP_S) == 12.9 + STALE_S
+    assert watch.silent_s(10 + STALE_S + NETWORK_GRACE_S) is None
+    assert watch.silent_s(12.9 + STALE_S + NETWORK_GRACE_S - 0.1) is None
+    assert watch.silent_s(12.9 + STALE_S + NETWORK_GRACE_S) == 12.9 + STALE_S
 
 
 def test_a_camera_that_went_is_silent_at_once_and_one_that_is_back_has_its_time() -> None:
@@ -143,18 +143,18 @@ def test_a_camera_that_went_is_silent_at_once_and_one_that_is_back_has_its_time(
     assert watch.silent_s(10.3) is None
     watch.inventory.camera_presence(FRONT, alive=False)
     assert watch.silent_s(10.4, told=True) is None
-    assert watch.silent_s(10.4 + GAP_S) == 10.4
+    assert watch.silent_s(10.4 + NETWORK_GRACE_S) == 10.4
     watch.inventory.camera_presence(FRONT, alive=True)
     assert watch.silent_s(20, told=True) is None
-    assert watch.silent_s(20 + STALE_S + GAP_S) == 20 + STALE_S
+    assert watch.silent_s(20 + STALE_S + NETWORK_GRACE_S) == 20 + STALE_S
 
 
 def test_a_camera_of_which_only_lists_or_history_tell_has_the_stale_time_to_come() -> None:
     watch = Watch()
     watch.see(10)
     assert watch.silent_s(10.1, told=True) is None
-    assert watch.silent_s(10.1 + STALE_S + GAP_S - 0.1) is None
-    assert watch.silent_s(10.1 + STALE_S + GAP_S) == 10.1 + STALE_S
+    assert watch.silent_s(10.1 + STALE_S + NETWORK_GRACE_S - 0.1) is None
+    assert watch.silent_s(10.1 + STALE_S + NETWORK_GRACE_S) == 10.1 + STALE_S
 
 
 def test_after_a_deaf_time_a_camera_has_the_stale_time_to_be_spoken_for() -> None:
@@ -165,8 +165,8 @@ def test_after_a_deaf_time_a_camera_has_the_stale_time_to_be_spoken_for() -> Non
     watch.advance(20)
     settled_s = 20 + SETTLE_S
     assert watch.silent_s(settled_s) is None
-    assert watch.silent_s(settled_s + STALE_S + GAP_S - 0.1) is None
-    assert watch.silent_s(settled_s + STALE_S + GAP_S) == settled_s + STALE_S
+    assert watch.silent_s(settled_s + STALE_S + NETWORK_GRACE_S - 0.1) is None
+    assert watch.silent_s(settled_s + STALE_S + NETWORK_GRACE_S) == settled_s + STALE_S
 
 
 def test_a_camera_without_lists_is_silent_also_where_its_link_comes_and_goes() -> None:

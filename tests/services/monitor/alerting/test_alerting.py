@@ -278,9 +278,9 @@ def test_a_look_is_of_what_is_known_now() -> None:
     camera = inventory.camera(FRONT)
     assert camera
     look = look_at(inventory, camera, 3 * S)
-    assert (look.speaks, look.counts, look.nearest, look.disagreements) == (True, {"box": 2}, {"box": 1.625}, {})
+    assert (look.available, look.counts, look.nearest, look.disagreements) == (True, {"box": 2}, {"box": 1.625}, {})
     later = look_at(inventory, camera, 9 * S)
-    assert (later.speaks, later.counts, later.nearest) == (False, {"box": 2}, {})
+    assert (later.available, later.counts, later.nearest) == (False, {"box": 2}, {})
 
 
 @pytest.mark.parametrize("appear", [(4, 0), (1, S // 2)])

@@ -17,7 +17,8 @@ from services.monitor.history.settings import NONE, HistorySettings, default_url
 from services.monitor.history.state import HistoryError, HistoryStatus
 from services.monitor.history.store import Store
 from services.monitor.inventory.sighting import ChangeKind
-from services.monitor.map.last_seen import FORGET_NS, LOST_NS, LastPoses
+from services.monitor.liveness import POSE_LIVE_NS
+from services.monitor.map.last_seen import FORGET_NS, LastPoses
 from services.monitor.map.pose import Pose
 from tests.contract.waiting import until
 from tests.schemas.results import alert
@@ -104,7 +105,7 @@ async def test_where_robots_were_is_known_after_a_restart(url: str, monkeypatch:
         assert monitor.places.poses == {"r1": here}
         last = LastPoses()
         last.take_seen(monitor.places.poses)
-        later_ns = now_ns + LOST_NS + 1
+        later_ns = now_ns + POSE_LIVE_NS + 1
         assert [(robot.pose, robot.live) for robot in last.robots(later_ns, {"r1"})] == [(here, False)]
         await until(lambda: monitor.history.status.leads)
     monkeypatch.setattr(module, "WRITE_S", 0.0)

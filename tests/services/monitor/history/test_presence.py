@@ -3,8 +3,9 @@ from collections import deque
 from schemas.keys import CameraKey
 from services.monitor.history.ledger import Ledger
 from services.monitor.history.presence import Attendance, Presence
-from services.monitor.inventory.inventory import SETTLE_NS, Inventory, TrustLimits
+from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
+from services.monitor.liveness import SETTLE_NS
 from tests.services.monitor.history.lasting import there
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 

@@ -55,8 +55,8 @@ def test_a_flicker_leaves_nothing_behind() -> None:
     assert camera.see(1, box=1) == []
     assert camera.see(2) == []
     assert list(camera.camera.sightings()) == []
-    assert camera.camera.speaker
-    assert camera.camera.speaker.classes == {}
+    assert camera.camera.primary
+    assert camera.camera.primary.classes == {}
 
 
 def test_what_was_there_from_the_first_list_on_nobody_saw_come() -> None:
@@ -128,7 +128,7 @@ def test_a_second_opinion_disagrees_and_never_speaks() -> None:
     camera = Seeing()
     assert camera.opine(1, box=3)
     assert camera.opine(2, box=3)
-    assert camera.camera.speaker is None
+    assert camera.camera.primary is None
     assert camera.camera.disagreements(0) == {}
     camera.see(3, "m", box=1)
     assert camera.see(4, "m", box=1) == [("appeared", "box", 1)]

@@ -3,7 +3,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from services.monitor.map.drawing import FRESH_NS, MOST_SHOWN, Bounds, DrawnRobot, colour_of, is_fresh, svg_of
+from services.monitor.liveness import OBJECT_FRESH_NS
+from services.monitor.map.drawing import MOST_SHOWN, Bounds, DrawnRobot, colour_of, is_fresh, svg_of
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import Mark
 from services.monitor.map.pose import Pose
@@ -31,7 +32,7 @@ def test_bounds_are_whole_metres_around_everything_and_never_shrink() -> None:
 
 
 def test_fresh_marks_have_their_class_s_colour_and_stale_ones_are_grey() -> None:
-    marks = [mark(), mark(2, 2, seen_ns=NOW - FRESH_NS), mark(3, 3, seen_ns=NOW - FRESH_NS - 1)]
+    marks = [mark(), mark(2, 2, seen_ns=NOW - OBJECT_FRESH_NS), mark(3, 3, seen_ns=NOW - OBJECT_FRESH_NS - 1)]
     circles = drawn(svg_of(BOUNDS, marks, [], NOW)).findall("circle")
     colour = colour_of("box")
     assert [circle.get("fill") for circle in circles] == ["#9e9e9e", colour, colour]  # the newest on top

@@ -1,4 +1,5 @@
-from services.monitor.map.last_seen import FORGET_NS, LOST_NS, MOST, LastPoses
+from services.monitor.liveness import POSE_LIVE_NS
+from services.monitor.map.last_seen import FORGET_NS, MAX_POSES, LastPoses
 from services.monitor.map.pose import Pose
 
 NOW = 10**18
@@ -26,8 +27,8 @@ def test_a_robot_whose_gateway_goes_stays_where_it_was_and_is_not_live() -> None
 def test_a_pose_of_which_nothing_was_heard_for_a_while_is_not_of_now() -> None:
     last = LastPoses()
     last.take({"r1": pose()}, NOW)
-    assert shown(last, NOW + LOST_NS, {"r1"}) == [("r1", 1.0, True)]
-    assert shown(last, NOW + LOST_NS + 1, {"r1"}) == [("r1", 1.0, False)]
+    assert shown(last, NOW + POSE_LIVE_NS, {"r1"}) == [("r1", 1.0, True)]
+    assert shown(last, NOW + POSE_LIVE_NS + 1, {"r1"}) == [("r1", 1.0, False)]
 
 
 def test_a_robot_is_forgotten_half_an_hour_after_its_pose_was_last_known() -> None:
@@ -52,11 +53,11 @@ def test_a_robot_that_somebody_forgot_is_left_out_for_as_long_as_that_holds() ->
 
 def test_so_many_are_kept_those_known_last() -> None:
     last = LastPoses()
-    for number in range(MOST):
+    for number in range(MAX_POSES):
         last.take({f"r{number}": pose()}, NOW)
     last.take({"r0": pose()}, NOW + 1)
     last.take({"new": pose()}, NOW + 2)
-    assert len(last.names(NOW + 2)) == MOST
+    assert len(last.names(NOW + 2)) == MAX_POSES
     assert {"r0", "new"} <= last.names(NOW + 2)
     assert "r1" not in last.names(NOW + 2)
 

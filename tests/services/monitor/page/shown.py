@@ -22,7 +22,7 @@ def camera(
     classes: Sequence[tuple[str, int]] = (("box", 2),),
     served_by: tuple[str, ...] = ("detector/gpu-1",),
 ) -> CameraLine:
-    """Return a camera that speaks, unless told otherwise."""
+    """Return a camera that available, unless told otherwise."""
     row = Row(
         key=CameraKey(robot, name),
         online=online,

@@ -1,4 +1,5 @@
-from services.monitor.map.drawing import FRESH_NS, STALE, colour_of
+from services.monitor.liveness import OBJECT_FRESH_NS
+from services.monitor.map.drawing import STALE, colour_of
 from services.monitor.map.last_seen import Mark
 from services.monitor.page.map import keys, row
 
@@ -11,7 +12,9 @@ def mark(name: str = "box", seen_ns: int = NOW) -> Mark:
 
 
 def test_a_key_says_how_many_were_seen_just_now() -> None:
-    told = keys([mark(), mark(), mark(seen_ns=NOW - FRESH_NS - 1), mark("pallet", NOW - FRESH_NS - 1)], NOW)
+    told = keys(
+        [mark(), mark(), mark(seen_ns=NOW - OBJECT_FRESH_NS - 1), mark("pallet", NOW - OBJECT_FRESH_NS - 1)], NOW
+    )
     assert "2 box" in told
     assert "0 pallet" in told
     assert "2 not seen for a while" in told
@@ -20,7 +23,7 @@ def test_a_key_says_how_many_were_seen_just_now() -> None:
 
 def test_what_was_not_seen_for_a_while_is_grey() -> None:
     assert "fs-stale" not in row(mark(), NOW)
-    old = row(mark(seen_ns=NOW - FRESH_NS - 1), NOW)
+    old = row(mark(seen_ns=NOW - OBJECT_FRESH_NS - 1), NOW)
     assert "fs-stale" in old
     assert STALE in old
     assert "at 1.2, -2.0 m, by r1/front" in old

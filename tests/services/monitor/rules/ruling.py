@@ -30,8 +30,8 @@ class Ruling:
         self.engine.changed([Change(kind, of, first_look)], at_ns)
         return self.due(at_s)
 
-    def look(self, at_s: float, *, key: CameraKey = FRONT, speaks: bool = True, **known: Any) -> list[str]:
-        self.engine.look(CameraState(key, speaks, **known), round(at_s * S))
+    def look(self, at_s: float, *, key: CameraKey = FRONT, available: bool = True, **known: Any) -> list[str]:
+        self.engine.look(CameraState(key, available, **known), round(at_s * S))
         return self.due(at_s)
 
     def due(self, at_s: float) -> list[str]:

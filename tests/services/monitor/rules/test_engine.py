@@ -39,7 +39,7 @@ def test_what_nobody_saw_go_or_come_back_is_over_when_the_camera_speaks() -> Non
     assert ruling.changed(1, ChangeKind.APPEARED) == ["1 raised"]
     assert ruling.changed(1, ChangeKind.VANISHED, "pallet") == ["2 raised"]
     assert ruling.look(2, counts={"box": 1, "pallet": 0}) == []
-    assert ruling.look(3, speaks=False, counts={"pallet": 1}) == []
+    assert ruling.look(3, available=False, counts={"pallet": 1}) == []
     assert ruling.look(4, counts={"pallet": 1}) == ["1 resolved", "2 resolved"]
     assert ruling.changed(5, ChangeKind.APPEARED) == ["3 raised"]
 
@@ -88,9 +88,9 @@ def test_what_holds_is_alerted_until_it_does_not(
     assert ruling.look(2, **so) == ["1 raised"]
     assert ruling.texts() == [text]
     assert ruling.look(3, **so) == []
-    assert ruling.look(4, speaks=False, **not_so) == [], "what is not known resolves nothing"
+    assert ruling.look(4, available=False, **not_so) == [], "what is not known resolves nothing"
     assert ruling.look(5, **not_so) == ["1 resolved"]
-    assert ruling.look(6, speaks=False, **so) == []
+    assert ruling.look(6, available=False, **so) == []
 
 
 def test_a_disagreement_about_another_class_is_none() -> None:
@@ -106,9 +106,9 @@ def test_silence_of_robots_and_of_cameras() -> None:
     assert ruling.texts() == ["r1 is offline"]
     ruling.engine.robot("r1", alive=True, now_ns=12 * S)
     assert ruling.due(12) == ["1 resolved"]
-    assert ruling.look(13, speaks=False, silent_ns=13 * S) == []
-    assert ruling.look(13, speaks=False, key=REAR) == []
-    assert ruling.look(13, speaks=False, silent_ns=13 * S, key=REAR) == ["2 raised"]
+    assert ruling.look(13, available=False, silent_ns=13 * S) == []
+    assert ruling.look(13, available=False, key=REAR) == []
+    assert ruling.look(13, available=False, silent_ns=13 * S, key=REAR) == ["2 raised"]
     assert ruling.texts() == ["r1/rear is silent"]
     assert ruling.look(14, key=REAR) == ["2 resolved"]
 
@@ -117,21 +117,21 @@ def test_silence_that_is_not_known_raises_and_resolves_nothing() -> None:
     ruling = Ruling({"when": "silent", "for_s": 10}, {"when": "silent", "cameras": ["*"], "for_s": 10})
     ruling.engine.robot("r1", alive=None, now_ns=0)
     ruling.engine.robot("r2", alive=False, now_ns=S)
-    assert ruling.look(5, speaks=False, silent_ns=S) == []
+    assert ruling.look(5, available=False, silent_ns=S) == []
     ruling.engine.robot("r2", alive=None, now_ns=6 * S)
-    assert ruling.look(6, speaks=False) == []
+    assert ruling.look(6, available=False) == []
     assert ruling.due(60) == []
     ruling.engine.robot("r2", alive=False, now_ns=S)
-    assert ruling.look(61, speaks=False, silent_ns=S) == ["1 raised", "2 raised"], "it held since before"
+    assert ruling.look(61, available=False, silent_ns=S) == ["1 raised", "2 raised"], "it held since before"
     ruling.engine.robot("r2", alive=None, now_ns=62 * S)
-    assert ruling.look(62, speaks=False) == []
+    assert ruling.look(62, available=False) == []
     ruling.engine.robot("r2", alive=True, now_ns=63 * S)
     assert ruling.look(63) == ["1 resolved", "2 resolved"]
 
 
 def test_for_so_long_counts_from_when_the_silence_began_not_from_when_it_was_sure() -> None:
     ruling = Ruling({"when": "silent", "cameras": ["*"], "for_s": 10})
-    assert ruling.look(3, speaks=False, silent_ns=S) == []
+    assert ruling.look(3, available=False, silent_ns=S) == []
     assert ruling.due(10.9) == []
     assert ruling.due(11) == ["1 raised"]
 
@@ -149,7 +149,7 @@ def test_what_is_still_to_come_after_a_deaf_time_raises_and_resolves_nothing(
     for for_s, before in ((0, ["1 raised"]), (5, [])):
         ruling = Ruling({**rule, "for_s": for_s})
         assert ruling.look(1, **so) == before
-        assert ruling.look(2, speaks=False) == []
+        assert ruling.look(2, available=False) == []
         assert ruling.look(30, counts={"box": 1}, complete=False) == []
         assert ruling.due(31) == []
         assert ruling.look(32, **so, complete=False) == ([] if before else ["1 raised"])
@@ -179,7 +179,7 @@ def test_what_is_not_known_any_more_is_raised_once_it_is(
         ruling = Ruling({**rule, "for_s": 10})
         ruling.changed(0, ChangeKind.APPEARED)
         assert ruling.look(0, **so) == []
-        assert ruling.look(5, speaks=False, **so) == []
+        assert ruling.look(5, available=False, **so) == []
         assert ruling.due(20) == []
         assert ruling.look(30, **back) == states
 
@@ -187,7 +187,7 @@ def test_what_is_not_known_any_more_is_raised_once_it_is(
 def test_what_was_in_view_of_a_robot_that_is_switched_off_is_not_raised_at_night() -> None:
     ruling = Ruling({**OVER, "between": ["22:00", "06:00"]})
     assert ruling.look(18 * 3_600, counts={"box": 3}) == []
-    assert ruling.look(19 * 3_600, speaks=False, counts={"box": 3}) == []
+    assert ruling.look(19 * 3_600, available=False, counts={"box": 3}) == []
     assert ruling.due(22 * 3_600) == []
 
 
@@ -271,8 +271,8 @@ def test_whether_an_alert_had_escalated_is_known_to_its_end() -> None:
     def escalated(at_s: float) -> list[tuple[str, bool]]:
         return [(each.alert.state, each.escalated) for each in ruling.engine.due(round(at_s * S))]
 
-    ruling.engine.look(CameraState(FRONT, speaks=True, counts={"box": 3}), 0)
-    ruling.engine.look(CameraState(REAR, speaks=True, counts={"box": 3}), 0)
+    ruling.engine.look(CameraState(FRONT, available=True, counts={"box": 3}), 0)
+    ruling.engine.look(CameraState(REAR, available=True, counts={"box": 3}), 0)
     assert escalated(0) == [("raised", False), ("raised", False)]
     ruling.engine.acknowledge("2", S)
     assert escalated(10) == [("acknowledged", False), ("escalated", True)]

@@ -17,8 +17,9 @@ from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.settings import HistorySettings
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
-from services.monitor.inventory.inventory import SETTLE_NS, Inventory, TrustLimits
+from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
+from services.monitor.liveness import SETTLE_NS
 from services.monitor.rules.command import run
 from services.monitor.rules.loading import RuleFileError
 from services.monitor.settings import RulesSettings

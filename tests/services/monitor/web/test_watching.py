@@ -5,7 +5,7 @@ from typing import Final
 from prometheus_client.parser import text_string_to_metric_families
 
 from services.monitor.alerting.webhooks import Outcome
-from services.monitor.health import STALLED_S
+from services.monitor.liveness import STALLED_S
 from services.monitor.web.metrics import MAX_LABELLED
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.asking import Web, web_in

@@ -1,6 +1,7 @@
 import pytest
 
-from services.monitor.page.rows.robots import QUIET_NS, RobotState, in_natural_order, standing
+from services.monitor.liveness import ROBOT_SILENT_NS, RobotState
+from services.monitor.page.rows.robots import in_natural_order, standing
 from tests.services.monitor.page.shown import NOW, camera, robot
 
 
@@ -17,7 +18,9 @@ def test_a_robot_whose_gateway_is_gone_is_offline_whatever_its_cameras_said_last
     assert standing(robot(online=False), [camera()], NOW) == (RobotState.OFFLINE, "its gateway is gone")
 
 
-@pytest.mark.parametrize(("silent_ns", "state"), [(QUIET_NS, RobotState.ONLINE), (QUIET_NS + 1, RobotState.SILENT)])
+@pytest.mark.parametrize(
+    ("silent_ns", "state"), [(ROBOT_SILENT_NS, RobotState.ONLINE), (ROBOT_SILENT_NS + 1, RobotState.SILENT)]
+)
 def test_a_gateway_that_says_nothing_is_not_relied_on(silent_ns: int, state: RobotState) -> None:
     assert standing(robot(last_ns=NOW - silent_ns), [camera()], NOW)[0] is state
 

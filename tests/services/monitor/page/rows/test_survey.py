@@ -3,7 +3,8 @@ import msgspec
 from schemas.keys import CameraKey
 from schemas.status import CameraLoad, GatewayStatus, WorkerStatus
 from services.monitor.fleet import Fleet
-from services.monitor.page.rows.robots import RobotFilter, RobotState, Survey, robot_of, standings_of
+from services.monitor.liveness import RobotState
+from services.monitor.page.rows.robots import RobotFilter, Survey, robot_of, standings_of
 from services.monitor.snapshot import FleetView, Workers
 from tests.services.monitor.inventory.seeing import seen as class_list
 from tests.services.monitor.page.shown import NOW

@@ -1,13 +1,82 @@
-"""Absent robots and cameras, reported only once their absence is confirmed. Pure."""
+"""Follows which cameras become available or silent, and confirms absences. Pure.
 
+The states are defined in `services.monitor.liveness`.
+"""
+
+import heapq
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from itertools import count, islice
+from typing import Final, Generic, TypeVar
 
 from schemas.keys import CameraKey
-from services.monitor.health import GAP_S, Heartbeat
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.inventory import Inventory
+from services.monitor.inventory.inventory import MAX_NS, Inventory
 from services.monitor.inventory.sighting import NS
+from services.monitor.liveness import NETWORK_GRACE_S, Heartbeat, is_recent
+
+AT_ONCE: Final = 500
+PARTS: Final = 5
+"""Limits the checks per call to a number, or this part of all cameras, so that no call takes long."""
+
+IsAvailable = Callable[[CameraView, int], bool]
+"""Whether a camera is available at a time; it stays so until `stale_ns` after its newest list, unless notified."""
+
+
+class AvailabilityTracker:
+    """Tracks the available cameras of an inventory. One is checked again only when it could have fallen silent.
+
+    available: whether a new one counts as available before it was checked.
+    """
+
+    def __init__(self, inventory: Inventory, rule: IsAvailable, *, available: bool) -> None:
+        self._inventory = inventory
+        self._rule = rule
+        self._new_available = available
+        self._known = 0
+        self._silent: set[CameraView] = set()
+        self._deadlines: list[tuple[int, int, CameraView]] = []
+        self._waiting: set[CameraView] = set()
+        self._numbers = count()
+        self._now_ns = 0
+
+    def advance(self, now_ns: int, told: Iterable[CameraView] = ()) -> list[CameraView]:
+        """Return the cameras that became available or silent by `now_ns`. told: cameras to check in any case."""
+        self._meet(list(islice(self._inventory.cameras(), self._known, None)), now_ns)
+        looked_at = {*told, *self._due(now_ns)} - self._silent
+        began = [view for view in self._silent if self._rule(view, now_ns)]
+        ceased = [view for view in looked_at if not self._rule(view, now_ns)]
+        self._silent.difference_update(began)
+        self._silent.update(ceased)
+        for view in (*began, *looked_at.difference(ceased)):
+            newest_ns = min(view.last_ns, now_ns)  # after a clock was set back, earlier arrivals are in the future
+            self._wait(view, max(now_ns, newest_ns + self._inventory.limits.stale_ns) + 1)
+        return [*began, *ceased]
+
+    def _meet(self, new: Sequence[CameraView], now_ns: int) -> None:
+        self._known += len(new)
+        if not self._new_available:
+            self._silent.update(new)
+            return
+        for view in new:
+            self._wait(view, now_ns)
+
+    def _due(self, now_ns: int) -> Iterator[CameraView]:
+        """Take out the due cameras, in batches; all of them if the clock was set back."""
+        was_set_back, self._now_ns = now_ns < self._now_ns, now_ns
+        until_ns = MAX_NS if was_set_back else now_ns
+        most = len(self._deadlines) if was_set_back else max(AT_ONCE, len(self._deadlines) // PARTS)
+        while most and self._deadlines and self._deadlines[0][0] <= until_ns:
+            most -= 1
+            view = heapq.heappop(self._deadlines)[2]
+            self._waiting.discard(view)
+            yield view
+
+    def _wait(self, view: CameraView, until_ns: int) -> None:
+        if view not in self._waiting:
+            self._waiting.add(view)
+            heapq.heappush(self._deadlines, (until_ns, next(self._numbers), view))
+
 
 K = TypeVar("K")
 
@@ -55,9 +124,9 @@ class Absence(Generic[K]):
 class Absentees:
     """The confirmed absences among an inventory's robots and cameras. now_s: steady clock; now_ns: epoch."""
 
-    def __init__(self, inventory: Inventory, hearing: Heartbeat) -> None:
+    def __init__(self, inventory: Inventory, heartbeat: Heartbeat) -> None:
         self._inventory = inventory
-        self._hearing = hearing
+        self._heartbeat = heartbeat
         self._robots = Absence[str]()
         self._gone = Absence[CameraKey]()
         self._mute = Absence[CameraKey]()
@@ -73,13 +142,13 @@ class Absentees:
 
         Of a robot that was forgotten it is not known, nor asked.
         """
-        if self._hearing.deaf or self._inventory.is_forgotten(robot):
+        if self._heartbeat.deaf or self._inventory.is_forgotten(robot):
             return None, now_ns
         if self._inventory.is_alive(robot):
             self._robots.drop(robot)
             return True, now_ns
-        if self._hearing.settled:
-            self._robots.note(robot, now_ns, now_s + GAP_S)
+        if self._heartbeat.settled:
+            self._robots.note(robot, now_ns, now_s + NETWORK_GRACE_S)
         since_ns = self._robots.since_ns(robot)
         return (None, now_ns) if since_ns is None else (False, since_ns)
 
@@ -89,23 +158,23 @@ class Absentees:
         One that came, or that was not heard of before, has as long until its lists are missed as one that had some.
         """
         key, stale_ns = camera.key, self._inventory.limits.stale_ns
-        online, speaks = self._inventory.online(key), self._inventory.speaks(camera, now_ns)
-        if online and (told or speaks):
+        online, available = self._inventory.online(key), self._inventory.is_available(camera, now_ns)
+        if online and (told or available):
             self._came.add(key)
             self._gone.drop(key)
-        if speaks:
+        if available:
             self._mute.drop(key)
-        if not self._hearing.settled or speaks:
+        if not self._heartbeat.settled or available:
             return
         if not online and key in self._came:
-            self._gone.note(key, now_ns, now_s + GAP_S)
+            self._gone.note(key, now_ns, now_s + NETWORK_GRACE_S)
         else:
             self._await_list(key, now_ns - stale_ns if ceased else now_ns, now_ns, now_s)
 
     def _await_list(self, key: CameraKey, from_ns: int, now_ns: int, now_s: float) -> None:
         """Have a camera be silent if no list comes until it is stale. Before its lease a lost link is not noticed."""
         stale_s = self._inventory.limits.stale_ns / NS
-        due_s = now_s + (from_ns - now_ns) / NS + max(stale_s, self._hearing.lease_s) + GAP_S
+        due_s = now_s + (from_ns - now_ns) / NS + max(stale_s, self._heartbeat.lease_s) + NETWORK_GRACE_S
         self._mute.note(key, from_ns + self._inventory.limits.stale_ns, due_s)
 
     def silent_ns(self, key: CameraKey) -> int | None:
@@ -115,9 +184,9 @@ class Absentees:
 
     def ripen(self, now_ns: int, now_s: float) -> tuple[list[str], list[CameraView]]:
         """Return the robots and cameras whose absence was confirmed since the last call."""
-        if not self._hearing.settled:
+        if not self._heartbeat.settled:
             return [], []
-        heard_s = self._hearing.heard_s
+        heard_s = self._heartbeat.heard_s
         ripe = dict.fromkeys([*self._gone.ripen(heard_s), *self._mute.ripen(heard_s)])
         cameras = [self._inventory.camera(key) for key in ripe]
         silent = [camera for camera in cameras if camera is not None and not self._goes_on(camera, now_ns, now_s)]
@@ -125,7 +194,9 @@ class Absentees:
 
     def _goes_on(self, camera: CameraView, now_ns: int, now_s: float) -> bool:
         """Whether a camera that is there had a list lately after all; wait for the next one then."""
-        if not self._inventory.online(camera.key) or camera.last_ns < now_ns - self._inventory.limits.stale_ns:
+        if not self._inventory.online(camera.key) or not is_recent(
+            camera.last_ns, now_ns, self._inventory.limits.stale_ns
+        ):
             return False
         self._mute.drop(camera.key)
         self._await_list(camera.key, camera.last_ns, now_ns, now_s)
