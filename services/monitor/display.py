@@ -21,9 +21,9 @@ from rich.text import Text
 
 from schemas.keys import CameraKey
 from schemas.printing import printable
-from services.monitor.event_loop import aside, in_turns
+from services.monitor.event_loop import in_daemon_thread, in_turns
 from services.monitor.fleet import Age, Fleet, Row
-from services.monitor.fleet_problems import shortened, troubles
+from services.monitor.formats import limited, problem_lines
 from services.monitor.inventory.availability import AvailabilityTracker
 from services.monitor.inventory.inventory import Inventory
 
@@ -112,13 +112,16 @@ async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, p
     """
 
     def every_trouble() -> list[str]:
-        return [*problems(), *troubles({status.robot: fleet.problems_of(status.robot) for status in fleet.online()})]
+        return [
+            *problems(),
+            *problem_lines({status.robot: fleet.problems_of(status.robot) for status in fleet.online()}),
+        ]
 
     lost = False
 
     async def write(act: Callable[[], object]) -> None:
         nonlocal lost
-        await aside(act)
+        await in_daemon_thread(act)
         lost = False
 
     while True:
@@ -153,7 +156,7 @@ async def _draw(
     try:
         await write(live.start)
         while True:
-            wrong = [Text(each, "yellow", no_wrap=True, overflow="ellipsis") for each in shortened(every_trouble())]
+            wrong = [Text(each, "yellow", no_wrap=True, overflow="ellipsis") for each in limited(every_trouble())]
             room = max(1, console.height - FRAME_LINES - len(wrong))
             rows = list(islice(fleet.rows(time.monotonic()), room))
             picture = Group(render(rows, [*notes_of(fleet.left_out), note], fleet.cameras - len(rows)), *wrong)
@@ -162,7 +165,7 @@ async def _draw(
     finally:
         with suppress(OSError):  # TimeoutError is one
             async with asyncio.timeout(FAREWELL_S):
-                await aside(live.stop)
+                await in_daemon_thread(live.stop)
 
 
 async def _print_changes(
@@ -171,7 +174,7 @@ async def _print_changes(
     """Write a line per camera whose state or view changed, and per problem."""
     shown: dict[CameraKey, tuple[str, str]] = {}
     wrong: set[str] = set()
-    silence = Silence(fleet.inventory)
+    silence = SilentCameras(fleet.inventory)
     fleet.take_changed(time.monotonic())
     rows = fleet.rows(time.monotonic())
     while True:
@@ -190,7 +193,7 @@ async def _print_changes(
             states = ", ".join(f"{count} {state}" for state, count in rest.items())
             lines.append(f"and {rest.total()} more cameras changed: {states}")
         now_wrong = every_trouble()
-        lines += shortened([each for each in now_wrong if each not in wrong], MAX_LINES)
+        lines += limited([each for each in now_wrong if each not in wrong], MAX_LINES)
         wrong = set(now_wrong)
         if lines:
             await write(partial(_write, to, "".join(f"{each}\n" for each in lines)))
@@ -198,7 +201,7 @@ async def _print_changes(
         rows = fleet.take_changed(time.monotonic())
 
 
-class Silence:
+class SilentCameras:
     """Finds silent cameras: they are online, but no class lists arrive."""
 
     def __init__(self, inventory: Inventory) -> None:

@@ -45,7 +45,7 @@ async def arrivals_in_turns(arrivals: AsyncIterable[T]) -> AsyncIterator[T]:
             await asyncio.sleep(0)
 
 
-async def aside(act: Callable[[], object]) -> None:
+async def in_daemon_thread(act: Callable[[], object]) -> None:
     """Run a function on its own daemon thread, which is abandoned on cancellation and never keeps the process alive."""
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()

@@ -12,7 +12,6 @@ from schemas.distances import Distances
 from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
 from schemas.status import GatewayStatus, WorkerStatus
-from services.monitor.fleet_problems import NAMESAKES, THIN_LINK, DuplicateGateways, problems_of
 from services.monitor.formats import cameras_in_order, natural_camera
 from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, TrustLimits, make_room
 from services.monitor.inventory.sighting import NS, Change
@@ -28,6 +27,44 @@ LATE_NS: Final = 2 * NS
 LATE_FOR_NS: Final = 10 * NS
 """No mere outage held up lists that keep coming for so long and were longer than LATE_NS on their way: what it held up
 comes at once. It is over when none came for as long."""
+
+
+MOST_PROCESSES: Final = 16
+"""Maximum number of gateway processes remembered per robot."""
+
+KNOWN_ACCOUNTS: Final = 5
+"""Status messages without a sign of a duplicate after which it counts as gone; each gateway sends one a second."""
+
+
+class DuplicateGateways:
+    """Tracks gateway processes by robot: a process that was replaced by a restart never returns."""
+
+    def __init__(self) -> None:
+        self._processes: dict[str, tuple[str, ...]] = {}
+        self._known: dict[str, int] = {}
+
+    def take(self, robot: str, boot_id: str) -> None:
+        """Note the process of a status message."""
+        processes = self._processes.get(robot, ())
+        if boot_id in processes[1:]:
+            self._known[robot] = KNOWN_ACCOUNTS
+        elif self._known.get(robot, 0) > 1:
+            self._known[robot] -= 1
+        else:
+            self._known.pop(robot, None)
+        if processes[:1] != (boot_id,):
+            others = (each for each in processes if each != boot_id)
+            self._processes[robot] = (boot_id, *others)[:MOST_PROCESSES]
+
+    def has(self, robot: str) -> bool:
+        """Return whether a robot recently had more than one gateway."""
+        return robot in self._known
+
+
+DUPLICATE_GATEWAY: Final = "has more than one gateway under its name, so their frames are mixed up: stop or rename one"
+
+SLOW_LINK: Final = "has class lists that arrive more than 2 s late; on a slow link, set --uplink-mbit"
+"""Combines all cameras of a robot: they share one link, and a line that changes is logged again."""
 
 
 class Age(msgspec.Struct, frozen=True, gc=False):
@@ -107,7 +144,7 @@ class Fleet:
         self.class_lists = 0
         self.left_out: Counter[str] = Counter()
         self._changed: set[CameraKey] = set()
-        self._namesakes = DuplicateGateways()
+        self._duplicates = DuplicateGateways()
         self._late: dict[str, dict[CameraKey, tuple[int, int]]] = {}
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
@@ -126,7 +163,7 @@ class Fleet:
         """Keep the newest status of a gateway, received at `received_ns` (epoch)."""
         make_room(self.gateways, status.robot)
         self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
-        self._namesakes.take(status.robot, status.boot_id)
+        self._duplicates.take(status.robot, status.boot_id)
 
     def worker_status(self, status: WorkerStatus, received_ns: int) -> None:
         """Keep the newest status of a worker, received at `received_ns` (epoch)."""
@@ -212,14 +249,14 @@ class Fleet:
 
     def problems_of(self, robot: str) -> Iterator[str]:
         """Yield the known problems of a robot's gateway."""
-        if self._namesakes.has(robot):
-            yield NAMESAKES
+        if self._duplicates.has(robot):
+            yield DUPLICATE_GATEWAY
         if (status := self.gateways.get(robot)) is not None:
             yield from problems_of(status)
         since_ns = self.heard_ns.get(robot, 0) - LATE_FOR_NS
         late = self._late.get(robot, {}).values()
         if any(newest_ns >= since_ns and newest_ns - first_ns >= LATE_FOR_NS for first_ns, newest_ns in late):
-            yield THIN_LINK
+            yield SLOW_LINK
 
     def online(self) -> Iterator[GatewayStatus]:
         """Yield the newest status of every gateway online."""
@@ -292,3 +329,12 @@ def _age(camera: _Camera, now_s: float) -> Age | None:
     if not camera.lists:
         return None
     return Age(now_s - camera.arrived_s + (camera.lag_s or 0.0), exact=camera.lag_s is not None)
+
+
+def problems_of(gateway: GatewayStatus) -> Iterator[str]:
+    """Yield the missing dependency and the stream problems of a gateway, in its own words."""
+    if gateway.waiting_for:
+        yield f"waits for {gateway.waiting_for}"
+    for stream in gateway.streams:
+        if stream.problem:
+            yield f"{stream.name}: {stream.problem}"

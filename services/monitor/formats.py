@@ -1,12 +1,13 @@
 """Order of names, rounding, times and CSV cells wherever the monitor shows or exports them. Pure."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 from typing import Any, Final, TypeVar
 
 from schemas.keys import CameraKey
+from schemas.printing import printable
 
 T = TypeVar("T")
 
@@ -61,3 +62,18 @@ def epoch_ns(at: datetime) -> int:
 def as_text(value: Any) -> Any:
     """Return a CSV cell that no spreadsheet evaluates: text that begins like a formula gets a leading `'`."""
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
+
+
+MAX_SHOWN: Final = 5
+"""Maximum number of problems that are listed."""
+
+
+def problem_lines(problems: Mapping[str, Iterable[str]]) -> list[str]:
+    """Return a line for each problem of each robot."""
+    return [printable(f"{robot} {problem}") for robot in sorted(problems, key=natural) for problem in problems[robot]]
+
+
+def limited(lines: Sequence[str], most: int = MAX_SHOWN) -> list[str]:
+    """Return at most `most` lines, plus one that counts the rest."""
+    rest = len(lines) - most
+    return [*lines[:most], *([f"and {rest} more problem{'s' if rest > 1 else ''}"] if rest > 0 else [])]

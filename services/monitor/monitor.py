@@ -79,7 +79,7 @@ class Monitor:
         self._inventory = CachedValue(self._list, MAX_AGE_S)
         self._others = CachedValue(self._read_alerts, MAX_READ_AGE_S)
 
-    def glance(self) -> FleetView:
+    def fleet_view(self) -> FleetView:
         """Return the current fleet, from which parts are made on demand."""
         return FleetView(self.fleet, self.workers(), time.time_ns(), time.monotonic())
 
@@ -139,7 +139,7 @@ class Monitor:
             UnknownRobotError: it is on none.
             RobotThereError: its gateway is there.
         """
-        if robot not in self.glance().robots:
+        if robot not in self.fleet_view().robots:
             raise UnknownRobotError(f"no robot {robot[:64]!r}")
         if self.fleet.inventory.is_alive(robot):
             raise RobotThereError(f"the gateway of {robot} is there: stop it first")
@@ -176,7 +176,7 @@ class Monitor:
         def seen(name: str) -> bool:
             return any(camera.primary is not None and name in camera.primary.classes for camera in inventory.cameras())
 
-        robots = set(self.glance().robots)
+        robots = set(self.fleet_view().robots)
         return list(islice(remarks(book, detectors, opinions, seen, robots), MAX_REMARKS))
 
     def _noted(self, alert: Alert, by: str) -> Alert:
@@ -184,7 +184,7 @@ class Monitor:
         return alert
 
     async def _make_snapshot(self) -> Snapshot:
-        maker = SnapshotMaker(self.glance())
+        maker = SnapshotMaker(self.fleet_view())
         async for _ in in_turns(maker.steps()):
             pass
         return maker.snapshot()

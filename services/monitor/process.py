@@ -30,7 +30,7 @@ from services.monitor.inventory.inventory import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.join_address import how_to_join
 from services.monitor.liveness import Heartbeat
-from services.monitor.map.floor_plan_file import load_floor_plan
+from services.monitor.map.floor_plan import load_floor_plan
 from services.monitor.monitor import Monitor
 from services.monitor.requests import answer_inventory, measure_clocks
 from services.monitor.robot_clocks import Arrival, ClockHoldback

@@ -17,7 +17,7 @@ from schemas.inventory import MAX_PROBLEMS, MAX_SIGHTINGS, ClassSighting, Invent
 from services.monitor.display import Problems
 from services.monitor.event_loop import in_turns
 from services.monitor.fleet import Fleet
-from services.monitor.fleet_problems import shortened
+from services.monitor.formats import limited
 from services.monitor.inventory.inventory import Entry
 
 WAITING: Final = 64
@@ -52,7 +52,7 @@ async def answer_to(asked: InventoryRequest, fleet: Fleet, problems: Sequence[st
         complete=next(found, None) is None,
         class_lists=fleet.class_lists,
         left_out=dict(fleet.left_out),
-        problems=[problem[:MAX_LABEL] for problem in shortened(problems, MAX_PROBLEMS - 1)],
+        problems=[problem[:MAX_LABEL] for problem in limited(problems, MAX_PROBLEMS - 1)],
     )
 
 

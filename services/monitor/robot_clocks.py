@@ -79,10 +79,10 @@ class Clocks:
         return clock is None or now_s - clock.asked_s >= PERIOD_S
 
 
-PATIENCE_NS: Final = 2 * NS
+CLOCK_WAIT_NS: Final = 2 * NS
 """Maximum wait for a robot's clock."""
 
-MOST_WAITING: Final = 100_000
+MAX_HELD_BACK: Final = 100_000
 """Maximum number of lists held back for all cameras; at the limit a camera's lists are released."""
 
 
@@ -115,7 +115,7 @@ class ClockHoldback:
             return [arrival]
         self._waiting.setdefault(key, []).append(arrival)
         self._count += 1
-        return self._taken(key) if self._count > MOST_WAITING else []
+        return self._taken(key) if self._count > MAX_HELD_BACK else []
 
     def due(self, now_ns: int) -> Iterator[list[Arrival]]:
         """Yield the lists of each camera that need not wait any longer at `now_ns` (epoch), in order.
@@ -124,7 +124,7 @@ class ClockHoldback:
         """
         for key in list(self._waiting):
             waiting = self._waiting.get(key)
-            if waiting and (self._is_known(waiting) or not 0 <= now_ns - waiting[0].received_ns < PATIENCE_NS):
+            if waiting and (self._is_known(waiting) or not 0 <= now_ns - waiting[0].received_ns < CLOCK_WAIT_NS):
                 yield self._taken(key)
 
     def _is_known(self, waiting: list[Arrival]) -> bool:

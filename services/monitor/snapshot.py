@@ -187,8 +187,8 @@ class FleetView:
 class SnapshotMaker:
     """Makes a snapshot step by step, so that other tasks run in between."""
 
-    def __init__(self, glance: FleetView) -> None:
-        self._glance = glance
+    def __init__(self, fleet_view: FleetView) -> None:
+        self._glance = fleet_view
         self._cameras: list[CameraLine] = []
         self._robots: list[RobotLine] = []
 

@@ -162,7 +162,7 @@ COMMANDS: Final = (
         refusals=(
             "bus:BusError",
             "services.monitor.history.state:OtherVersionError",
-            "services.monitor.map.floor_plan_file:FloorPlanError",
+            "services.monitor.map.floor_plan:FloorPlanError",
             "services.monitor.rules.loading:RuleFileError",
             "services.monitor.web.process:WebError",
         ),

@@ -22,11 +22,10 @@ from schemas import codec
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey, Stream
 from services.monitor.map.drawing import Bounds, svg_of
-from services.monitor.map.floor_plan import MOST_CELLS, FloorPlan, MapDescription
-from services.monitor.map.floor_plan_file import load_floor_plan
+from services.monitor.map.floor_plan import MOST_CELLS, FloorPlan, MapDescription, load_floor_plan
 from services.monitor.monitor import Monitor
-from services.monitor.page.picture_frame import VIEW_STYLE
 from services.monitor.process import watch_fleet
+from services.monitor.web.pages.picture_frame import VIEW_STYLE
 from services.simulator.floor_plan import write_floor_plan
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.sights import Robot, robot_on, until

@@ -8,8 +8,8 @@ import pytest_asyncio
 from playwright.async_api import Browser, expect
 
 from bus.fake import FakeNetwork
-from services.monitor.page import wall
 from services.monitor.web.auth.users import Visitor
+from services.monitor.web.pages import wall
 from tests.contract.waiting import until
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.in_sight import out_of_sight

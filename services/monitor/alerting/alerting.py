@@ -16,7 +16,7 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome, Webhooks
 from services.monitor.event_loop import in_turns
 from services.monitor.history.state import Act
-from services.monitor.inventory.availability import Absentees, AvailabilityTracker
+from services.monitor.inventory.availability import AbsenceTracker, AvailabilityTracker
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory
 from services.monitor.inventory.sighting import NS, Change
@@ -58,7 +58,7 @@ class Alerting:
         self._robots: set[str] = set()
         self._news = inventory.follow()
         self._availability = AvailabilityTracker(inventory, inventory.is_available, available=False)
-        self._absentees = Absentees(inventory, self._heartbeat)
+        self._absentees = AbsenceTracker(inventory, self._heartbeat)
         self._look_at_all = True
         self._unsteady: set[CameraKey] = set()
         self._alerts = alerts_to_robots()

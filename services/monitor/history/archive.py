@@ -91,10 +91,10 @@ FIRST_NS: Final = 60 * NS
 HEARD_NS: Final = 60 * NS
 """How long ago the heartbeat may have been for what is open to go on now."""
 
-SightingPlace = tuple[int, str, str, str]
+SightingCursor = tuple[int, str, str, str]
 """since_ns, robot, camera and class of an interval: where a page ended."""
 
-AlertPlace = tuple[int, str]
+AlertCursor = tuple[int, str]
 """changed_ns and id of an alert: where a page ended."""
 
 
@@ -125,7 +125,7 @@ class Archive:
         self._url = url
         self._room = asyncio.Semaphore(AT_ONCE)
 
-    async def sightings(self, asked: HistoryQuery, limit: int, after: SightingPlace | None = None) -> list[Interval]:
+    async def sightings(self, asked: HistoryQuery, limit: int, after: SightingCursor | None = None) -> list[Interval]:
         """Return the newest intervals, those that began last first; after the place where another page ended."""
         if asked.is_nowhere:
             return []
@@ -163,7 +163,7 @@ class Archive:
             return await count_over_time(connection, seen, spoken, asked.since_ns, asked.until_ns)
 
     async def alerts(
-        self, asked: HistoryQuery, limit: int, after: AlertPlace | None = None, *, states: Sequence[AlertState] = ()
+        self, asked: HistoryQuery, limit: int, after: AlertCursor | None = None, *, states: Sequence[AlertState] = ()
     ) -> list[Alert]:
         """Return the alerts that changed last, in one of the states if any are named."""
         if asked.is_nowhere:

@@ -189,7 +189,7 @@ def _who_counts(camera: CameraView, name: str, count: int, since_ns: int) -> str
     return next((view.model for view in camera.others(since_ns) if view.count_of(name) == count), "")
 
 
-class Silence:
+class PauseTracker:
     """Enters silent cameras in a ledger."""
 
     def __init__(self, inventory: Inventory, sightings: Sightings) -> None:

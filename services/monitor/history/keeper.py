@@ -13,23 +13,24 @@ from schemas.alerts import Alert
 from services.monitor.event_loop import in_turns, uninterrupted
 from services.monitor.history.clock_trust import Correction
 from services.monitor.history.engine import translating
-from services.monitor.history.intervals import Disagreements, Sightings, Silence
+from services.monitor.history.intervals import Disagreements, PauseTracker, Sightings
 from services.monitor.history.ledger import Ledger, StoredInterval
 from services.monitor.history.presence import RESTORED_NS, WRITE_S, Attendance, KnownPoses, Presence
 from services.monitor.history.settings import NONE, HistorySettings
 from services.monitor.history.state import (
+    MAX_ALERTS,
     Act,
     Acts,
     HistoryError,
     HistoryStatus,
-    Kept,
     OtherVersionError,
+    StoredState,
     at_other_times,
     resolved,
 )
 from services.monitor.history.store import UNHEARD_S, Store
 from services.monitor.history.upkeep import Upkeep
-from services.monitor.history.webhook_backlog import Nothing, Owed, Owing
+from services.monitor.history.webhook_backlog import BacklogWriter, NoBacklog, WebhookBacklog
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.map.last_seen import FORGET_NS, SightingMap
@@ -55,8 +56,6 @@ BATCH: Final = 250
 FOLLOWED_NS: Final = 2 * round(UNHEARD_S) * NS
 """How long ago something may have ended that whoever leads has not written: it may be gone without a word."""
 
-MAX_ALERTS: Final = 10_000
-
 
 class HistoryKeeper:
     """Writes inventory changes, alerts and robots' poses to the database of the settings.
@@ -72,7 +71,7 @@ class HistoryKeeper:
         inventory: Inventory,
         on_lead: Callable[[Sequence[Alert], Sequence[Act]], None] = lambda *_: None,
         places: SightingMap | None = None,
-        owing: Owing | None = None,
+        owing: WebhookBacklog | None = None,
     ) -> None:
         self._settings = settings
         self._inventory = inventory
@@ -88,7 +87,7 @@ class HistoryKeeper:
         self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
         self._forgotten: dict[str, int] = {}
         self._heeded_ns = time.time_ns()
-        self._silence = Silence(inventory, self._sightings)
+        self._pauses = PauseTracker(inventory, self._sightings)
         self._store: Store | None = None
         self._problem = ""
         self._had = self._writes = False
@@ -96,7 +95,7 @@ class HistoryKeeper:
         self._leader = ""
         self._asked = self._follows = self._loaded = False
         self._may_lead_s = 0.0
-        self._owed = Owed(owing or Nothing())
+        self._owed = BacklogWriter(owing or NoBacklog())
         self._upkeep = Upkeep(settings.history, settings.history_days)
 
     @property
@@ -253,10 +252,10 @@ class HistoryKeeper:
             return
         await self._upkeep.begin(store)
         gap_ns, heartbeat_ns = self._inventory.limits.lost_ns, await store.heartbeat_ns()
-        kept: Kept = await store.load(heartbeat_ns - gap_ns)
+        kept: StoredState = await store.load(heartbeat_ns - gap_ns)
         now_ns, ended = time.time_ns(), [each for each in kept.intervals if not each.open]
         self._ledger.merge([*kept.going_on, *ended], heartbeat_ns, gap_ns, followed=not self._leads)
-        self._silence.begin_anew()
+        self._pauses.begin_anew()
         if not self._loaded and now_ns - heartbeat_ns <= gap_ns:
             self._attendance.resume((each for each in kept.going_on if isinstance(each, Presence)), now_ns)
         self.acts.take(kept.acts)
@@ -280,7 +279,7 @@ class HistoryKeeper:
             self._correct(correction, now_ns)
         if not await self._upkeep.correct(store):
             return
-        self._silence.note(now_ns)
+        self._pauses.note(now_ns)
         for _ in range(len(self._ledger) // BATCH):
             some = self._ledger.pending(BATCH)
             await store.write(some)

@@ -12,10 +12,10 @@ from services.monitor.liveness import SETTLE_NS
 from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.pose import Pose
 
-Place = tuple[str, str]
+PresenceKey = tuple[str, str]
 """A robot and its camera; the latter is empty for the robot itself."""
 
-MONITOR: Final[Place] = ("", "")
+MONITOR: Final[PresenceKey] = ("", "")
 """Where a monitor is while it raises alerts: at no other time is anybody known to be silent."""
 
 RESTORED_NS: Final = 86_400 * NS
@@ -33,7 +33,7 @@ class Presence(StoredInterval, frozen=True, gc=False):
     heard_ns: int | None = None
 
     @property
-    def place(self) -> Place:
+    def place(self) -> PresenceKey:
         """The robot and camera of the interval."""
         return (self.robot, self.camera)
 
@@ -42,7 +42,7 @@ class Presence(StoredInterval, frozen=True, gc=False):
         return self.place != MONITOR
 
 
-def presence_of(place: Place, since_ns: int) -> Presence:
+def presence_of(place: PresenceKey, since_ns: int) -> Presence:
     """Return the open interval of a present member."""
     return Presence(since_ns=since_ns, until_ns=since_ns, open=True, robot=place[0], camera=place[1])
 
@@ -55,7 +55,7 @@ class Attendance:
         self._ledger = ledger
         self._news = inventory.follow()
         self._availability = AvailabilityTracker(inventory, inventory.is_available, available=False)
-        self._before: dict[Place, int] = {}
+        self._before: dict[PresenceKey, int] = {}
         self._settled_ns = 0
 
     def resume(self, stored: Iterable[Presence], now_ns: int) -> None:
@@ -91,7 +91,7 @@ class Attendance:
         """Enter a robot's departure, though it was not looked at since."""
         self._note((robot, ""), now_ns, there=False)
 
-    def _note(self, place: Place, now_ns: int, *, there: bool, heard_ns: int | None = None) -> None:
+    def _note(self, place: PresenceKey, now_ns: int, *, there: bool, heard_ns: int | None = None) -> None:
         was_there = self._ledger.opened(Presence, place) is not None
         if there and not was_there:
             self._ledger.begin(presence_of(place, self._before.get(place, now_ns)))

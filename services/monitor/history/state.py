@@ -98,7 +98,7 @@ def at_other_times(alert: Alert, corrected: Callable[[int], int]) -> Alert:
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class StoredState:
     """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts.
 
     acts: what was done with these alerts. going_on: the intervals of every kind that are open. owed: the alerts that

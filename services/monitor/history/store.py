@@ -27,7 +27,7 @@ from services.monitor.history.engine import (
 from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.opening import connect
-from services.monitor.history.presence import Place, Presence
+from services.monitor.history.presence import Presence, PresenceKey
 from services.monitor.history.row_maintenance import Pruning, begin_correcting, correct_some, shrink
 from services.monitor.history.rows import (
     TABLES,
@@ -40,7 +40,7 @@ from services.monitor.history.rows import (
     row_of_lasting,
     row_of_pose,
 )
-from services.monitor.history.state import Act, HistoryError, Kept
+from services.monitor.history.state import Act, HistoryError, StoredState
 from services.monitor.history.tables import (
     UNRESOLVED,
     Upsert,
@@ -124,7 +124,7 @@ class Store:
             await self._connection.commit()
             return found or ""
 
-    async def load(self, since_ns: int) -> Kept:
+    async def load(self, since_ns: int) -> StoredState:
         """Return the open intervals and those that ended since then."""
         at_ns = await self.heartbeat_ns()
         going_on: list[StoredInterval] = []
@@ -148,9 +148,9 @@ class Store:
             await self._connection.commit()
         in_view = [each for each in going_on if isinstance(each, Interval)]
         newest = {interval.place: interval for interval in [*ended, *in_view]}
-        return Kept(list(newest.values()), found, [act_of_row(row) for row in done], going_on, owed)
+        return StoredState(list(newest.values()), found, [act_of_row(row) for row in done], going_on, owed)
 
-    async def last_present(self) -> Mapping[Place, int]:
+    async def last_present(self) -> Mapping[PresenceKey, int]:
         """Return until when each robot and each camera was present, as far as that is stored."""
         at_ns = await self.heartbeat_ns()
         async with self._at_hand():

@@ -7,7 +7,7 @@ from schemas.alerts import Alert
 from services.monitor.history.store import Store
 
 
-class Owing(Protocol):
+class WebhookBacklog(Protocol):
     """Posts alerts to webhooks, each by its name in the rule file."""
 
     def owe(self, alerts: Iterable[tuple[str, Alert]]) -> None:
@@ -20,7 +20,7 @@ class Owing(Protocol):
         """Return how often these have changed."""
 
 
-class Nothing:
+class NoBacklog:
     """An empty backlog."""
 
     def owe(self, alerts: Iterable[tuple[str, Alert]]) -> None:
@@ -35,10 +35,10 @@ class Nothing:
         return 0
 
 
-class Owed:
+class BacklogWriter:
     """Writes changes of the backlog."""
 
-    def __init__(self, owing: Owing) -> None:
+    def __init__(self, owing: WebhookBacklog) -> None:
         self._owing = owing
         self._written: set[tuple[str, str]] = set()
         self._changes = -1

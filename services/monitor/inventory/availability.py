@@ -121,7 +121,7 @@ class Absence(Generic[K]):
         return self._sure.get(who)
 
 
-class Absentees:
+class AbsenceTracker:
     """The confirmed absences among an inventory's robots and cameras. now_s: steady clock; now_ns: epoch."""
 
     def __init__(self, inventory: Inventory, heartbeat: Heartbeat) -> None:

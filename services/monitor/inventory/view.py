@@ -13,7 +13,7 @@ from services.monitor.inventory.sighting import NS, Debounce, DebouncedCount, Si
 MAX_BOOTS: Final = 4
 """Maximum number of a gateway's processes remembered; messages of a replaced one are late."""
 
-QUIET_NS: Final = 3_000_000_000
+REPLACED_SILENT_NS: Final = 3_000_000_000
 """Silence of the newest process after which a replaced one is accepted again: it is the only one running."""
 
 
@@ -35,7 +35,7 @@ class FrameOrder:
                 return False
         else:
             last_seq = dict(self._outlived).get(header.boot_id)
-            if last_seq is not None and (header.seq <= last_seq or at_ns - self._at_ns <= QUIET_NS):
+            if last_seq is not None and (header.seq <= last_seq or at_ns - self._at_ns <= REPLACED_SILENT_NS):
                 return False
             others = [each for each in self._outlived if each[0] != header.boot_id]
             self._outlived = ((self._boot_id, self._seq), *others)[: MAX_BOOTS - 1]

@@ -13,7 +13,7 @@ from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import Stream, StreamKey
 from schemas.objects import ObjectClouds
-from services.monitor.live_views.shared import Shared
+from services.monitor.live_views.shared import SharedSubscriptions
 from services.monitor.map.following import robots
 from services.monitor.map.last_seen import LastPoses
 
@@ -69,26 +69,26 @@ class FrameLists(Newest[ClassList]):
         return self._of.get((frame.boot_id, frame.seq))
 
 
-Pictures = Shared[StreamKey, Newest[ImageFrame]]
-Clouds = Shared[StreamKey, Newest[ObjectClouds]]
-Lists = Shared[StreamKey, FrameLists]
+Pictures = SharedSubscriptions[StreamKey, Newest[ImageFrame]]
+Clouds = SharedSubscriptions[StreamKey, Newest[ObjectClouds]]
+Lists = SharedSubscriptions[StreamKey, FrameLists]
 
 OVERLAYS: Final = (Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)
 
 
 def pictures(bus: Bus) -> Pictures:
     """Return the watched overlays; each is subscribed to, and so drawn, while somebody watches it."""
-    return Shared(_nothing, lambda key, newest: follow(bus, key, ImageFrame, newest), MOST_STREAMS)
+    return SharedSubscriptions(_nothing, lambda key, newest: follow(bus, key, ImageFrame, newest), MOST_STREAMS)
 
 
 def clouds(bus: Bus) -> Clouds:
     """Return the watched object clouds; each is subscribed to, and so computed, while somebody watches it."""
-    return Shared(_nothing, lambda key, newest: follow(bus, key, ObjectClouds, newest), MOST_STREAMS)
+    return SharedSubscriptions(_nothing, lambda key, newest: follow(bus, key, ObjectClouds, newest), MOST_STREAMS)
 
 
 def lists(bus: Bus) -> Lists:
     """Return the counts in each of the newest frames of the watched cameras."""
-    return Shared(
+    return SharedSubscriptions(
         lambda _: FrameLists(), lambda key, newest: follow(bus, key, ClassList, newest, QUEUE(MOST_LISTS)), MOST_STREAMS
     )
 
@@ -114,7 +114,7 @@ def _read(sample: Sample, key: StreamKey, schema: type[M]) -> M:
     return message
 
 
-class Views:
+class LiveViews:
     """pictures: overlays. lists: class lists by frame. clouds: of objects. robots: their poses.
 
     Each is subscribed to while somebody looks.

@@ -21,7 +21,7 @@ class _Holding(Generic[S]):
     holders: int = 0
 
 
-class Shared(Generic[K, S]):
+class SharedSubscriptions(Generic[K, S]):
     """States that are kept up to date while held, by key. For the event loop's thread only.
 
     make: makes a key's state. follow: keeps it up to date for ever. most: how many keys are held at once.

@@ -10,7 +10,7 @@ from typing import Final, Self
 
 from services.monitor.liveness import OBJECT_FRESH_NS, is_recent
 from services.monitor.map.floor_plan import FloorPlan
-from services.monitor.map.last_seen import Mark
+from services.monitor.map.last_seen import MapObject
 from services.monitor.map.pose import DrawnRobot
 
 NS: Final = 1_000_000_000
@@ -88,7 +88,7 @@ def colour_of(name: str) -> str:
 
 def svg_of(
     bounds: Bounds,
-    marks: Sequence[Mark],
+    marks: Sequence[MapObject],
     robots: Sequence[DrawnRobot],
     now_ns: int,
     plan: tuple[FloorPlan, str] | None = None,
@@ -107,7 +107,7 @@ def svg_of(
     return f'<svg class="fleet-map" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="map">{"".join(drawn)}</svg>'
 
 
-def is_fresh(mark: Mark, now_ns: int) -> bool:
+def is_fresh(mark: MapObject, now_ns: int) -> bool:
     """Whether the mark was seen recently."""
     return is_recent(mark.seen_ns, now_ns, OBJECT_FRESH_NS)
 
@@ -126,7 +126,7 @@ def _plan(plan: FloorPlan, url: str, scale: _Scale) -> str:
     )
 
 
-def _mark(mark: Mark, scale: _Scale, now_ns: int) -> str:
+def _mark(mark: MapObject, scale: _Scale, now_ns: int) -> str:
     if not _is_near(mark.x, mark.y):
         return ""
     x, y = scale.at(mark.x, mark.y)

@@ -14,7 +14,7 @@ from schemas.consumer_keys import Wanted
 from schemas.errors import SchemaError
 from schemas.keys import RobotStreamKey
 from schemas.transforms import Transforms
-from services.monitor.live_views.shared import CrowdedError, Shared
+from services.monitor.live_views.shared import CrowdedError, SharedSubscriptions
 from services.monitor.map.pose import Whereabouts
 
 log = logging.getLogger(__name__)
@@ -24,12 +24,12 @@ MOST_ROBOTS: Final = 64
 
 DEPTH: Final = 1_000
 
-Robots = Shared[str, Whereabouts]
+Robots = SharedSubscriptions[str, Whereabouts]
 
 
 def robots(bus: Bus) -> Robots:
     """Return the poses of watched robots; each one's transforms are subscribed to while somebody watches."""
-    return Shared(lambda _: Whereabouts(), lambda robot, where: follow(bus, robot, where), MOST_ROBOTS)
+    return SharedSubscriptions(lambda _: Whereabouts(), lambda robot, where: follow(bus, robot, where), MOST_ROBOTS)
 
 
 async def follow(bus: Bus, robot: str, where: Whereabouts) -> None:

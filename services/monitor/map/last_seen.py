@@ -25,7 +25,7 @@ SAME_M: Final = 0.6
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class MapObject:
     """An object where it was last seen: x, y in metres in the map, seen_ns since the epoch on this machine's clock."""
 
     name: str
@@ -36,7 +36,7 @@ class Mark:
     seen_ns: int
 
 
-_Place = tuple[str, str, str, int, int]
+_CellKey = tuple[str, str, str, int, int]
 """Robot, camera, class and cell."""
 
 
@@ -52,8 +52,8 @@ class SightingMap:
     def __init__(self) -> None:
         self.poses: dict[str, Pose] = {}
         self._sought_ns: dict[str, int] = {}
-        self._marks: OrderedDict[_Place, dict[int | None, Mark]] = OrderedDict()
-        self._tracks: OrderedDict[tuple[str, str, int], _Place] = OrderedDict()
+        self._marks: OrderedDict[_CellKey, dict[int | None, MapObject]] = OrderedDict()
+        self._tracks: OrderedDict[tuple[str, str, int], _CellKey] = OrderedDict()
         self._ticked_ns = 0
 
     def tick(self, now_ns: int) -> None:
@@ -81,11 +81,11 @@ class SightingMap:
         for each in distances.objects:
             at = _in_map(each)
             if at is not None:
-                self._put(each.track, Mark(each.name, at[0], at[1], of.robot, of.camera, seen_ns))
+                self._put(each.track, MapObject(each.name, at[0], at[1], of.robot, of.camera, seen_ns))
         while len(self._marks) > MOST:
             self._marks.popitem(last=False)
 
-    def _put(self, track: int | None, mark: Mark) -> None:
+    def _put(self, track: int | None, mark: MapObject) -> None:
         place = (mark.robot, mark.camera, mark.name, *_cell((mark.x, mark.y)))
         if track is not None:
             self._move(track, mark, place)
@@ -95,7 +95,7 @@ class SightingMap:
         here[track] = mark
         self._marks.move_to_end(place)
 
-    def _move(self, track: int, mark: Mark, place: _Place) -> None:
+    def _move(self, track: int, mark: MapObject, place: _CellKey) -> None:
         """Take a tracked object from where it was before."""
         of = (mark.robot, mark.camera, track)
         before = self._tracks.pop(of, place)
@@ -114,7 +114,7 @@ class SightingMap:
             if known is None or known.at_ns < pose.at_ns:
                 self.poses[name] = pose
 
-    def marks(self, now_ns: int, *, robot: str = "") -> list[Mark]:
+    def marks(self, now_ns: int, *, robot: str = "") -> list[MapObject]:
         """Return the objects' places, newest first; of one robot if it is named.
 
         Robots are taken to share one map: what several saw at about the same place is one object.
@@ -137,9 +137,9 @@ def _cell(at: tuple[float, float]) -> tuple[int, int]:
     return math.floor(at[0] / SAME_M), math.floor(at[1] / SAME_M)
 
 
-def _apart(marks: Iterable[Mark]) -> Iterator[Mark]:
+def _apart(marks: Iterable[MapObject]) -> Iterator[MapObject]:
     """Yield the marks that are no object that was there before; marks of one image are never one object."""
-    cells: dict[tuple[str, int, int], list[Mark]] = {}
+    cells: dict[tuple[str, int, int], list[MapObject]] = {}
     for mark in marks:
         column, row = _cell((mark.x, mark.y))
         near = (
@@ -153,7 +153,7 @@ def _apart(marks: Iterable[Mark]) -> Iterator[Mark]:
             yield mark
 
 
-def _same(mark: Mark, other: Mark) -> bool:
+def _same(mark: MapObject, other: MapObject) -> bool:
     """Whether two marks of a class are one object: near, and not two objects of one image."""
     of_one_image = (mark.robot, mark.camera, mark.seen_ns) == (other.robot, other.camera, other.seen_ns)
     return not of_one_image and math.hypot(mark.x - other.x, mark.y - other.y) < SAME_M

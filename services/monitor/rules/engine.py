@@ -12,9 +12,9 @@ from services.monitor.rules.findings import CameraState, Finding, findings, foun
 from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
 from services.monitor.rules.subjects import (
     Effect,
-    PendingPlaces,
-    Place,
+    PendingSubjects,
     Subject,
+    SubjectKey,
     UnknownAlertError,
     had_escalated,
     local_time,
@@ -36,9 +36,9 @@ class RuleEngine:
         self._new_id = new_id
         self._most = most
         self._book = book
-        self._subjects: dict[str, dict[Place, Subject]] = {rule.name: {} for rule in book.rules}
-        self._waiting = PendingPlaces()
-        self._alerts: dict[str, tuple[Alert, Place]] = {}
+        self._subjects: dict[str, dict[SubjectKey, Subject]] = {rule.name: {} for rule in book.rules}
+        self._waiting = PendingSubjects()
+        self._alerts: dict[str, tuple[Alert, SubjectKey]] = {}
         self._escalated: set[str] = set()
         self._effects: list[Effect] = []
         self._cameras: dict[tuple[str, str], list[AnyRule]] = {}
@@ -187,7 +187,7 @@ class RuleEngine:
             for place in [place for place in self._waiting.ripe[rule.name] if self._is_known(rule, place)]:
                 self._raise(rule, place, self._subjects[rule.name][place], now_ns)
 
-    def _is_known(self, rule: AnyRule, place: Place) -> bool:
+    def _is_known(self, rule: AnyRule, place: SubjectKey) -> bool:
         """Whether a condition is known to hold now, and not only at its last observation."""
         known = self._subjects[rule.name][place].known
         return known and (isinstance(rule, SilentRule) or place[:2] not in self._unknown)
@@ -243,7 +243,7 @@ class RuleEngine:
                 self._cameras[robot, camera] = found
         return found
 
-    def _find(self, rule: AnyRule, place: Place, found: Finding, now_ns: int) -> None:
+    def _find(self, rule: AnyRule, place: SubjectKey, found: Finding, now_ns: int) -> None:
         subject = self._subjects[rule.name].get(place)
         if subject is None:
             if not found.holds:
@@ -269,7 +269,7 @@ class RuleEngine:
         if found.holds:
             subject.text = found.text
 
-    def _subject(self, rule: str, place: Place) -> Subject | None:
+    def _subject(self, rule: str, place: SubjectKey) -> Subject | None:
         if place not in self._subjects[rule]:
             if not self._has_room():
                 self._refused = True
@@ -294,7 +294,7 @@ class RuleEngine:
             return held_ns
         return max(held_ns, subject.raised_ns + round(rule.cooldown_s * NS))
 
-    def _raise(self, rule: AnyRule, place: Place, subject: Subject, now_ns: int) -> None:
+    def _raise(self, rule: AnyRule, place: SubjectKey, subject: Subject, now_ns: int) -> None:
         robot, camera, name = place
         alert = Alert(
             id=self._new_id(),

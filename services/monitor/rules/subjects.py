@@ -13,32 +13,32 @@ from schemas.alerts import Alert, AlertState
 from services.monitor.inventory.sighting import NS
 from services.monitor.rules.model import AnyRule
 
-Place = tuple[str, str, str]
+SubjectKey = tuple[str, str, str]
 """Robot, camera and class of an alert; the latter two may be empty."""
 
 SLACK: Final = 64
 """Stale heap entries tolerated, in addition to one per waiting entry."""
 
 
-class PendingPlaces:
+class PendingSubjects:
     """Places by rule, each until it is discarded; the cost per place hardly grows with their number.
 
     Places whose time has come are `ripe`: a rule that does not apply at this time of the day takes them later.
     """
 
     def __init__(self) -> None:
-        self.ripe: dict[str, dict[Place, None]] = {}
-        self._due: dict[tuple[str, Place], int] = {}
-        self._queue: list[tuple[int, str, Place]] = []
+        self.ripe: dict[str, dict[SubjectKey, None]] = {}
+        self._due: dict[tuple[str, SubjectKey], int] = {}
+        self._queue: list[tuple[int, str, SubjectKey]] = []
 
-    def add(self, rule: str, place: Place, due_ns: int) -> None:
+    def add(self, rule: str, place: SubjectKey, due_ns: int) -> None:
         """Add a place that is due at a moment, epoch nanoseconds."""
         self._due[rule, place] = due_ns
         heappush(self._queue, (due_ns, rule, place))
         if len(self._queue) > 2 * len(self._due) + SLACK:
             self._rebuild()
 
-    def discard(self, rule: str, place: Place) -> None:
+    def discard(self, rule: str, place: SubjectKey) -> None:
         """Remove a place, if it waits."""
         self._due.pop((rule, place), None)
         if rule in self.ripe:

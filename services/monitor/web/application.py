@@ -3,17 +3,21 @@
 from collections.abc import Sequence
 from typing import Any, Final
 
-from fastapi import APIRouter, Depends, FastAPI, HTTPException, Security
+from fastapi import APIRouter, Depends, FastAPI, HTTPException, Request, Security
+from fastapi.exceptions import RequestValidationError, WebSocketRequestValidationError
 from fastapi.openapi.models import HTTPBearer
+from fastapi.responses import JSONResponse
 from fastapi.security.base import SecurityBase
 from pydantic import HttpUrl
+from starlette.exceptions import HTTPException as StarletteHTTPException
 from starlette.routing import BaseRoute, Match
 from starlette.types import Receive, Scope, Send
 
 from bus.reporting import VERSION
-from services.monitor.monitor import Monitor
+from services.monitor.history.state import HistoryError
+from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError
+from services.monitor.rules.subjects import UnknownAlertError
 from services.monitor.settings import WebSettings
-from services.monitor.web.answers import answer_errors
 from services.monitor.web.api.alerts import about_routes, alert_routes
 from services.monitor.web.api.fleet import fleet_routes
 from services.monitor.web.api.history import history_routes
@@ -22,7 +26,7 @@ from services.monitor.web.api.models import ErrorAnswer
 from services.monitor.web.api.paging import refuse_unknown
 from services.monitor.web.auth.gate import ServedAt
 from services.monitor.web.auth.logins import Access
-from services.monitor.web.auth.middleware import AccessMiddleware
+from services.monitor.web.auth.middleware import AccessMiddleware, problem
 from services.monitor.web.auth.routes import access_routes
 from services.monitor.web.metrics import watching_routes
 
@@ -149,3 +153,46 @@ async def _nothing_there(path: str) -> None:
 
 async def _no_socket_there(path: str) -> None:
     raise HTTPException(404, f"there is no WebSocket at /api/{path[:200]}")
+
+
+RETRY_S: Final = 2
+"""Seconds after which a client retries while the history cannot be read."""
+
+
+def answer_errors(app: FastAPI) -> None:
+    """Register these error responses with an application, also for WebSockets that are not accepted yet."""
+    app.add_exception_handler(StarletteHTTPException, _http)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(WebSocketRequestValidationError, _invalid)
+    app.add_exception_handler(HistoryError, _no_history)
+    app.add_exception_handler(UnknownAlertError, _not_found)
+    app.add_exception_handler(UnknownRobotError, _not_found)
+    app.add_exception_handler(RobotThereError, _in_the_way)
+    app.add_exception_handler(Exception, _internal)
+
+
+def _http(_: Request, error: Any) -> JSONResponse:
+    return problem(error.status_code, str(error.detail), error.headers)
+
+
+def _invalid(_: Request, error: Any) -> JSONResponse:
+    mistake = error.errors()[0]
+    place = ".".join(str(part) for part in mistake["loc"][1:])
+    reason = mistake["msg"].removeprefix("Value error, ")
+    return problem(422, f"{place}: {reason}" if place else reason)
+
+
+def _no_history(_: Request, error: Any) -> JSONResponse:
+    return problem(503, f"the history cannot be read: {error}", {"Retry-After": str(RETRY_S)})
+
+
+def _not_found(_: Request, error: Any) -> JSONResponse:
+    return problem(404, str(error))
+
+
+def _in_the_way(_: Request, error: Any) -> JSONResponse:
+    return problem(409, str(error))
+
+
+def _internal(_: Request, __: Any) -> JSONResponse:
+    return problem(500, "internal error; the monitor's log says more")

@@ -30,11 +30,11 @@ CONTENT_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
 async def metrics_of(monitor: Monitor) -> bytes:
     """Return all metrics in Prometheus's text format."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Seen(monitor, await monitor.snapshot()))
+    registry.register(_MonitorCollector(monitor, await monitor.snapshot()))
     return await asyncio.to_thread(generate_latest, registry)
 
 
-class _Seen(Collector):
+class _MonitorCollector(Collector):
     """The metrics of one moment, collected before they are written, as values change meanwhile."""
 
     def __init__(self, monitor: Monitor, snapshot: Snapshot) -> None:

@@ -11,7 +11,7 @@ from functools import partial
 from importlib import import_module
 from typing import Final, Self
 
-from services.monitor.event_loop import aside
+from services.monitor.event_loop import in_daemon_thread
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings, WebSettings
 from services.monitor.web.auth.logins import Access
@@ -81,7 +81,7 @@ class Web:
 
     async def run(self, monitor: Monitor) -> None:
         """Serve until cancelled."""
-        await aside(partial(import_module, "services.monitor.web.server"))  # the import takes a second
+        await in_daemon_thread(partial(import_module, "services.monitor.web.server"))  # the import takes a second
         from services.monitor.web.server import serve  # noqa: PLC0415 - 60 MB, for who serves alone
 
         async with asyncio.TaskGroup() as group:

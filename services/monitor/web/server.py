@@ -16,9 +16,9 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from uvicorn.server import ServerState
 
 from services.monitor.monitor import Monitor
-from services.monitor.page import add_pages
 from services.monitor.web.application import guarded, make_application
 from services.monitor.web.auth.logins import Access
+from services.monitor.web.pages import add_pages
 
 HEAD_S: Final = 10.0
 """Seconds allowed for a request's head, counted from the connection's start for the first one."""

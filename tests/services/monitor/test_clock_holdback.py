@@ -6,7 +6,7 @@ import pytest
 from schemas.header import Header
 from schemas.keys import CameraKey
 from services.monitor import robot_clocks as module
-from services.monitor.robot_clocks import PATIENCE_NS, Arrival, ClockHoldback
+from services.monitor.robot_clocks import CLOCK_WAIT_NS, Arrival, ClockHoldback
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 AHEAD_NS: Final = -1_000_000 * S
@@ -54,7 +54,7 @@ def test_kept_lists_and_what_follows_them_wait_until_their_robots_clock_is_known
     assert undated.arrive(live, kept=False) == [live]
 
 
-@pytest.mark.parametrize("then_ns", [NOW_NS + PATIENCE_NS, NOW_NS - 1], ids=["in vain", "our clock was set back"])
+@pytest.mark.parametrize("then_ns", [NOW_NS + CLOCK_WAIT_NS, NOW_NS - 1], ids=["in vain", "our clock was set back"])
 def test_where_nobody_says_what_the_clock_shows_lists_are_as_far_apart_as_their_frames(then_ns: int) -> None:
     undated = ClockHoldback(Robots())
     ages_s = (9, 5, 3)
@@ -62,7 +62,7 @@ def test_where_nobody_says_what_the_clock_shows_lists_are_as_far_apart_as_their_
         undated.arrive(arrival(seq, NOW_NS - age_s * S), kept=True)
     way_ns = S // 10
     undated.arrive(arrival(4, NOW_NS + S - way_ns, NOW_NS + S), kept=False)
-    assert list(undated.due(NOW_NS + PATIENCE_NS - 1)) == []
+    assert list(undated.due(NOW_NS + CLOCK_WAIT_NS - 1)) == []
     (taken,) = undated.due(then_ns)
     assert [each.received_ns for each in taken] == [*(NOW_NS - age_s * S + way_ns for age_s in ages_s), NOW_NS + S]
     assert [each.seen.header.seq for each in taken] == [0, 1, 2, 4]
@@ -70,7 +70,7 @@ def test_where_nobody_says_what_the_clock_shows_lists_are_as_far_apart_as_their_
 
 
 def test_no_more_wait_than_there_is_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MOST_WAITING", 3)
+    monkeypatch.setattr(module, "MAX_HELD_BACK", 3)
     undated = ClockHoldback(Robots())
     assert undated.arrive(arrival(1, NOW_NS, key=REAR), kept=True) == []
     for seq in (1, 2):
@@ -84,7 +84,7 @@ def test_what_arrives_while_others_are_taken_in_is_behind_them() -> None:
     first, second = arrival(1, NOW_NS), arrival(2, NOW_NS)
     for key in (FRONT, REAR):
         undated.arrive(arrival(1, NOW_NS, key=key), kept=True)
-    taking = undated.due(NOW_NS + PATIENCE_NS)
+    taking = undated.due(NOW_NS + CLOCK_WAIT_NS)
     assert next(taking) == [first]
     assert undated.arrive(second, kept=False) == [second]
     rear = [each.seen.header.seq for each in next(taking)]
@@ -98,5 +98,5 @@ def test_lists_of_before_a_robots_clock_was_set_are_as_they_came(set_by_ns: int)
     live = arrival(3, NOW_NS + S, NOW_NS + S)
     for each, kept in ((before, True), (after, True), (live, False)):
         undated.arrive(each, kept=kept)
-    (taken,) = undated.due(NOW_NS + PATIENCE_NS)
+    (taken,) = undated.due(NOW_NS + CLOCK_WAIT_NS)
     assert [each.received_ns for each in taken] == [NOW_NS, NOW_NS - S, NOW_NS + S]

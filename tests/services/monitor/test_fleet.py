@@ -9,8 +9,18 @@ from schemas.distances import ObjectDistance, Place
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor import fleet as fleet_module
-from services.monitor.fleet import LATE_FOR_NS, LATE_NS, MAX_LAG_NS, RATE_WINDOW_S, STALE_S, Age, Fleet, Row
-from services.monitor.fleet_problems import NAMESAKES, THIN_LINK
+from services.monitor.fleet import (
+    DUPLICATE_GATEWAY,
+    LATE_FOR_NS,
+    LATE_NS,
+    MAX_LAG_NS,
+    RATE_WINDOW_S,
+    SLOW_LINK,
+    STALE_S,
+    Age,
+    Fleet,
+    Row,
+)
 from services.monitor.inventory import inventory as module
 from services.monitor.inventory.inventory import InventoryFullError, TrustLimits
 from services.monitor.inventory.sighting import Debounce, Sighting
@@ -155,7 +165,7 @@ def test_two_gateways_under_one_name_are_a_problem_of_that_robot() -> None:
     for at_ns in (1, 3):
         fleet.gateway_status(msgspec.structs.replace(status(), boot_id="other"), at_ns)
         fleet.gateway_status(status(), at_ns + 1)
-    assert (list(fleet.problems_of("r1")), list(fleet.problems_of("r2"))) == ([NAMESAKES], [])
+    assert (list(fleet.problems_of("r1")), list(fleet.problems_of("r2"))) == ([DUPLICATE_GATEWAY], [])
 
 
 class Link:
@@ -180,7 +190,7 @@ class Link:
 
 
 LATE_S = LATE_NS / S + 1
-WRONG = [THIN_LINK]
+WRONG = [SLOW_LINK]
 
 
 @pytest.mark.parametrize("period_s", [0.1, 1.0, 5.0])

@@ -5,12 +5,12 @@ from services.monitor.snapshot import FleetView, Snapshot, SnapshotMaker, Worker
 from tests.services.monitor.web.api.seeing import ODD, fill
 
 
-def glance(fleet: Fleet, now_ns: int = 0) -> FleetView:
+def fleet_view(fleet: Fleet, now_ns: int = 0) -> FleetView:
     return FleetView(fleet, Workers(fleet, now_ns), now_ns, 0.0)
 
 
 def snapshot(fleet: Fleet, now_ns: int) -> Snapshot:
-    maker = SnapshotMaker(glance(fleet, now_ns))
+    maker = SnapshotMaker(fleet_view(fleet, now_ns))
     for _ in maker.steps():
         pass
     return maker.snapshot()
@@ -51,7 +51,7 @@ def test_a_robot_that_is_painted_alone_is_as_it_is_in_the_picture() -> None:
     fleet = Fleet("clock")
     fill(fleet)
     now_ns = fleet.heard_ns["r1"]
-    whole, some = snapshot(fleet, now_ns), glance(fleet, now_ns)
+    whole, some = snapshot(fleet, now_ns), fleet_view(fleet, now_ns)
     assert tuple(some.robot(name) for name in some.robots) == whole.robots
     assert tuple(some.camera(key) for key in some.cameras) == whole.cameras
     assert some.drops("r1", some.cameras_of("r1")) == sum(whole.robots[0].dropped.values()) == 7
@@ -63,7 +63,7 @@ def test_every_robot_is_there_once_by_name_with_its_own_cameras() -> None:
         fleet.camera_presence(key, alive=True)
     fleet.robot_presence("r1", alive=True)
     fleet.robot_presence("r2", alive=True)
-    some = glance(fleet)
+    some = fleet_view(fleet)
     assert some.robots == ("r1", "r10", "r2")
     assert [[key.camera for key in some.cameras_of(name)] for name in ("r1", "r10", "r2", "r3")] == [
         [],

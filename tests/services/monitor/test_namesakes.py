@@ -1,14 +1,14 @@
 import pytest
 
-from services.monitor.fleet_problems import KNOWN_ACCOUNTS, MOST_PROCESSES, DuplicateGateways
+from services.monitor.fleet import KNOWN_ACCOUNTS, MOST_PROCESSES, DuplicateGateways
 
 
 def heard(processes: str) -> bool:
-    namesakes = DuplicateGateways()
+    duplicates = DuplicateGateways()
     for boot_id in processes:
-        namesakes.take("r1", boot_id)
-    assert not namesakes.has("r2")
-    return namesakes.has("r1")
+        duplicates.take("r1", boot_id)
+    assert not duplicates.has("r2")
+    return duplicates.has("r1")
 
 
 @pytest.mark.parametrize("processes", ["", "a", "aab", "aabbcc", "abcdefghijklmnopqrstuvwxyz"])

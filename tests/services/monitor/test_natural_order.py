@@ -1,7 +1,6 @@
 from schemas.keys import CameraKey
 from services.monitor.fleet import Fleet
-from services.monitor.fleet_problems import troubles
-from services.monitor.formats import cameras_in_order, natural
+from services.monitor.formats import cameras_in_order, natural, problem_lines
 
 
 def test_names_are_sorted_as_people_count() -> None:
@@ -27,4 +26,4 @@ def test_a_terminal_has_them_in_that_order() -> None:
         fleet.camera_presence(CameraKey(name, "front"), alive=True)
     assert [row.key.robot for row in fleet.rows(1.0)] == ["r1", "r2", "r10"]
     assert [row.key.robot for row in fleet.take_changed(1.0)] == ["r1", "r2", "r10"]
-    assert troubles({"r10": ["waits"], "r2": ["waits"]}) == ["r2 waits", "r10 waits"]
+    assert problem_lines({"r10": ["waits"], "r2": ["waits"]}) == ["r2 waits", "r10 waits"]

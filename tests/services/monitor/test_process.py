@@ -18,7 +18,7 @@ from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor.display import MAX_LINES, show
 from services.monitor.fleet import Fleet
-from services.monitor.fleet_problems import MAX_SHOWN
+from services.monitor.formats import MAX_SHOWN
 from services.monitor.process import watch_fleet
 from tests.contract.waiting import until
 from tests.schemas.frames import header

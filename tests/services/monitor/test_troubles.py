@@ -1,7 +1,8 @@
 import pytest
 
 from schemas.status import GatewayStatus, StreamStatus
-from services.monitor.fleet_problems import MAX_SHOWN, problems_of, shortened, troubles
+from services.monitor.fleet import problems_of
+from services.monitor.formats import MAX_SHOWN, limited, problem_lines
 
 
 def gateway(robot: str, *streams: StreamStatus, waiting_for: str = "") -> GatewayStatus:
@@ -11,7 +12,7 @@ def gateway(robot: str, *streams: StreamStatus, waiting_for: str = "") -> Gatewa
 
 
 def told(*gateways: GatewayStatus) -> list[str]:
-    return troubles({each.robot: problems_of(each) for each in gateways})
+    return problem_lines({each.robot: problems_of(each) for each in gateways})
 
 
 def stream(problem: str, camera: str = "front", name: str = "color") -> StreamStatus:
@@ -39,7 +40,7 @@ def test_what_is_waited_for_and_wrong_by_robot() -> None:
     ],
 )
 def test_the_rest_is_counted(count: int, shown: list[str]) -> None:
-    assert shortened(["x"] * count) == shown
+    assert limited(["x"] * count) == shown
 
 
 def test_what_a_gateway_says_is_one_line() -> None:

@@ -92,7 +92,7 @@ def about_routes(monitor: Monitor) -> APIRouter:
     @router.get("/status")
     async def status() -> StatusAnswer:
         """The status of the monitor itself."""
-        glance = monitor.glance()
+        fleet_view = monitor.fleet_view()
         return StatusAnswer(
             version=VERSION,
             now=moment(time.time_ns()),
@@ -100,9 +100,9 @@ def about_routes(monitor: Monitor) -> APIRouter:
             problems=tuple(filter(None, [monitor.health.problem, *monitor.problems()])),
             left_out=monitor.fleet.left_out,
             history=HistoryAnswer.model_validate(monitor.history.status),
-            robots=len(glance.robots),
+            robots=len(fleet_view.robots),
             robots_online=len(monitor.fleet.inventory.robots()),
-            cameras=len(glance.cameras),
+            cameras=len(fleet_view.cameras),
             alerts=await _alerts(monitor),
         )
 

@@ -29,7 +29,7 @@ from services.monitor.web.api.paging import After, ClassName, Limit, Name, first
 
 PLACE: Final = attrgetter("robot", "camera")
 
-Place = tuple[str, str, str]
+SightingKey = tuple[str, str, str]
 """Robot, camera and class."""
 
 
@@ -45,7 +45,7 @@ class SightingQuery:
     name: str = ""
     in_view: bool = False
     available: bool | None = None
-    after: Place | None = None
+    after: SightingKey | None = None
 
 
 async def some_entries(inventory: Inventory, asked: SightingQuery, most: int, now_ns: int) -> list[Entry]:
@@ -105,13 +105,13 @@ def _member_routes(monitor: Monitor) -> APIRouter:
     @router.get("/robots", response_model=Page[RobotAnswer])
     async def robots(*, online: bool | None = None, limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
         """Every robot ever seen, by name; an offline robot stays until it is forgotten."""
-        glance = monitor.glance()
+        fleet_view = monitor.fleet_view()
         there = monitor.fleet.inventory.is_alive
         names, mark = page_of(
-            glance.robots, _name_place, limit, after, 1, wanted=lambda each: online in (None, there(each))
+            fleet_view.robots, _name_place, limit, after, 1, wanted=lambda each: online in (None, there(each))
         )
-        bodies = [robot_body(glance.robot(each)) async for each in in_turns(names)]
-        return page_response(glance.now_ns, bodies, mark)
+        bodies = [robot_body(fleet_view.robot(each)) async for each in in_turns(names)]
+        return page_response(fleet_view.now_ns, bodies, mark)
 
     @router.post("/robots/{robot}/forget", status_code=204)
     async def forget(robot: RobotName, request: Request) -> None:
@@ -123,12 +123,12 @@ def _member_routes(monitor: Monitor) -> APIRouter:
         *, robot: Name = "", online: bool | None = None, limit: Limit = DEFAULT_LIMIT, after: After = None
     ) -> Response:
         """Every camera, by robot and name."""
-        glance = monitor.glance()
+        fleet_view = monitor.fleet_view()
         there = monitor.fleet.inventory.online
-        every = glance.cameras_of(robot) if robot else glance.cameras
+        every = fleet_view.cameras_of(robot) if robot else fleet_view.cameras
         keys, mark = page_of(every, _camera_place, limit, after, 2, wanted=lambda each: online in (None, there(each)))
-        bodies = [camera_body(glance.camera(each)) async for each in in_turns(keys)]
-        return page_response(glance.now_ns, bodies, mark)
+        bodies = [camera_body(fleet_view.camera(each)) async for each in in_turns(keys)]
+        return page_response(fleet_view.now_ns, bodies, mark)
 
     return router
 
@@ -139,16 +139,16 @@ def _account_routes(monitor: Monitor) -> APIRouter:
     @router.get("/gateways", response_model=Page[GatewayAnswer])
     async def gateways(*, robot: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
         """The status of each robot's gateway: every stream, its rates and drops."""
-        glance, fleet = monitor.glance(), monitor.fleet
-        known = [each for each in glance.robots if robot in ("", each) and each in fleet.gateways]
+        fleet_view, fleet = monitor.fleet_view(), monitor.fleet
+        known = [each for each in fleet_view.robots if robot in ("", each) and each in fleet.gateways]
         names, mark = page_of(known, _name_place, limit, after, 1)
 
         def answer(name: str) -> GatewayAnswer:
-            last_ns = glance.last_ns(name, glance.cameras_of(name))
+            last_ns = fleet_view.last_ns(name, fleet_view.cameras_of(name))
             return gateway_answer(fleet.gateways[name], last_ns, online=fleet.inventory.is_alive(name))
 
         items = [encoded_answer(answer(each)) async for each in in_turns(names)]
-        return page_response(glance.now_ns, items, mark)
+        return page_response(fleet_view.now_ns, items, mark)
 
     @router.get("/workers", response_model=Page[WorkerAnswer])
     async def workers(*, service: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:

@@ -15,7 +15,7 @@ from starlette.background import BackgroundTask
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.formats import epoch_ns, moment
-from services.monitor.history.archive import AlertPlace, HistoryQuery, SightingPlace
+from services.monitor.history.archive import AlertCursor, HistoryQuery, SightingCursor
 from services.monitor.history.export import export
 from services.monitor.history.intervals import Interval
 from services.monitor.history.settings import LAST_NS, NONE, ExportSettings, written_like
@@ -120,11 +120,11 @@ def history_routes(monitor: Monitor) -> APIRouter:
     return router
 
 
-def _interval_place(of: Interval) -> SightingPlace:
+def _interval_place(of: Interval) -> SightingCursor:
     return of.since_ns, of.key.robot, of.key.camera, of.name
 
 
-def _alert_place(alert: Alert) -> AlertPlace:
+def _alert_place(alert: Alert) -> AlertCursor:
     return alert.changed_ns, alert.id
 
 

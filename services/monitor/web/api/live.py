@@ -156,7 +156,7 @@ Period = Annotated[float, Query(ge=MAX_AGE_S, le=60, description="minimum second
 Robot = Annotated[str, Query(max_length=64, description="only this robot")]
 
 
-class Client:
+class LiveClient:
     """The state already sent to one client; only differences are sent, so nothing queues. Pure."""
 
     def __init__(self, topics: Iterable[Topic], robot: str) -> None:
@@ -192,7 +192,7 @@ def live_routes(monitor: Monitor) -> APIRouter:
     """Return the route."""
     router = APIRouter()
     feed = Feed(monitor)
-    clients: set[Client] = set()
+    clients: set[LiveClient] = set()
 
     @router.websocket("/live")
     async def live(
@@ -201,7 +201,7 @@ def live_routes(monitor: Monitor) -> APIRouter:
         robot: Robot = "",
         period_s: Period = 1.0,
     ) -> None:
-        client = Client(dict.fromkeys(topic), robot)
+        client = LiveClient(dict.fromkeys(topic), robot)
         await socket.accept()
         if len(clients) >= MAX_CLIENTS:
             await socket.close(TRY_AGAIN_LATER, "too many clients")
@@ -220,7 +220,7 @@ def live_routes(monitor: Monitor) -> APIRouter:
     return router
 
 
-async def _send(socket: WebSocket, client: Client, feed: Feed, period_s: float) -> None:
+async def _send(socket: WebSocket, client: LiveClient, feed: Feed, period_s: float) -> None:
     while True:
         sent_s = time.monotonic()
         news = client.news(*await feed.current(client.topics))

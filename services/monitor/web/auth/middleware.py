@@ -9,10 +9,9 @@ from urllib.parse import quote
 from starlette.datastructures import MutableHeaders
 from starlette.exceptions import HTTPException
 from starlette.requests import cookie_parser
-from starlette.responses import RedirectResponse, Response
+from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from services.monitor.web.answers import problem
 from services.monitor.web.auth.gate import LOG_IN, SET_UP, RequestInfo, ServedAt, Verdict, body_limit, judge
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.users import STATE, Kind, Visitor
@@ -39,6 +38,11 @@ DEFAULTS: Final = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+
+
+def problem(status: int, reason: str, headers: Mapping[str, str] | None = None) -> JSONResponse:
+    """Return an error response."""
+    return JSONResponse({"error": reason}, status, headers=headers)
 
 
 def with_headers(send: Send) -> Send:

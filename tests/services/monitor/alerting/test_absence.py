@@ -1,4 +1,4 @@
-from services.monitor.inventory.availability import Absentees
+from services.monitor.inventory.availability import AbsenceTracker
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.liveness import NETWORK_GRACE_S, Heartbeat
@@ -17,7 +17,7 @@ class Watch:
         self.inventory = Inventory(limits)
         self.heard_s: float | None = 0.0
         self.hearing = Heartbeat(lambda: self.heard_s, LEASE_S)
-        self.absentees = Absentees(self.inventory, self.hearing)
+        self.absentees = AbsenceTracker(self.inventory, self.hearing)
         self._seq = 0
         for robot in NAMES:
             self.inventory.robot_presence(robot, alive=True)

@@ -8,7 +8,7 @@ from contextlib import asynccontextmanager
 from schemas.alerts import Alert
 from services.monitor.history.intervals import Interval
 from services.monitor.history.keeper import HistoryKeeper
-from services.monitor.history.presence import Place, Presence
+from services.monitor.history.presence import Presence, PresenceKey
 from services.monitor.history.settings import HistorySettings
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
@@ -57,7 +57,7 @@ async def kept(url: str) -> list[Interval]:
         return await every(store)
 
 
-async def attended(url: str, place: Place) -> list[Presence]:
+async def attended(url: str, place: PresenceKey) -> list[Presence]:
     """Return when somebody was there."""
     async with opened(url) as store:
         return [each for each in await store.select(Presence) if each.place == place]

@@ -13,7 +13,7 @@ from services.monitor.history.opening import connect
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import Act, HistoryError
 from services.monitor.inventory.inventory import Entry
-from services.monitor.page.rows.inventory import Filters, Stock
+from services.monitor.web.pages.rows.inventory import Filters, Stock
 from tests.schemas.results import alert
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S

@@ -71,15 +71,15 @@ async def test_a_file_that_was_moved_and_is_back_has_what_came_meanwhile(
 ) -> None:
     monkeypatch.setattr(module, "RETRY_S", 0.01)
     caplog.set_level(logging.INFO, module.__name__)
-    folder, aside = tmp_path / "state", tmp_path / "aside"
+    folder, in_daemon_thread = tmp_path / "state", tmp_path / "aside"
     async with in_use(folder) as (monitor, access, session):
-        move(folder.glob(which), aside)
+        move(folder.glob(which), in_daemon_thread)
         await until(gone(monitor))
         monitor.see(2, box=2)
         late = await access.log_in("viewer", PASSWORD, "a")
         await access.look()
         assert access.problem.startswith("log-ins are not being saved: ")
-        move(aside.iterdir(), folder)
+        move(in_daemon_thread.iterdir(), folder)
         await until(monitor.written)
         await access.look()
         assert (access.problem, monitor.history.status.lost) == ("", 0)
@@ -125,17 +125,17 @@ async def test_what_is_deleted_beside_a_file_costs_nothing(tmp_path: Path, suffi
 
 @pytest.mark.parametrize("which", ["*-lock", "*"])
 async def test_of_two_monitors_one_leads_whatever_was_moved(tmp_path: Path, which: str) -> None:
-    folder, aside = tmp_path / "state", tmp_path / "aside"
+    folder, in_daemon_thread = tmp_path / "state", tmp_path / "aside"
     async with monitoring(users_in(folder)) as one:
         await until(lambda: one.history.status.leads)
         async with monitoring(users_in(folder)) as other:
             await until(lambda: bool(other.history.status.leader))
             both = [one, other]
-            move(folder.glob(which), aside)
+            move(folder.glob(which), in_daemon_thread)
             await until(lambda: bool(one.history.status.problem))
             if which == "*":
                 await until(lambda: bool(other.history.status.problem))
-                move(aside.iterdir(), folder)
+                move(in_daemon_thread.iterdir(), folder)
             await until(lambda: sum(each.history.status.leads and each.written() for each in both) == 1)
             await until(lambda: sum(bool(each.history.status.leader) for each in both) == 1)
             assert [each.history.status.leads for each in both].count(True) == 1

@@ -4,12 +4,12 @@ from sqlalchemy import select
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.history.tables import webhook_backlog
-from services.monitor.history.webhook_backlog import Owed
+from services.monitor.history.webhook_backlog import BacklogWriter
 from tests.schemas.results import alert
 from tests.services.monitor.history.test_store import opened
 
 
-class Owing:
+class WebhookBacklog:
     """Owes some alerts to one webhook. asked: how often it was asked which."""
 
     def __init__(self) -> None:
@@ -30,8 +30,8 @@ class Owing:
 
 
 async def test_what_is_owed_is_looked_at_when_it_changed_and_after_the_database_was_gone(url: str) -> None:
-    owing = Owing()
-    owed = Owed(owing)
+    owing = WebhookBacklog()
+    owed = BacklogWriter(owing)
     async with opened(url) as store:
         await store.write([], [alert()], 9)
         owing.owe([("ops", alert())])

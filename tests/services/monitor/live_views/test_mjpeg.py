@@ -10,9 +10,9 @@ from starlette.types import Message, Scope
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
 from services.monitor.live_views.newest import Newest, Pictures
-from services.monitor.live_views.shared import Shared
-from services.monitor.page.mjpeg import BOUNDARY, MOST_OF_VISITOR, NOTHING, MjpegStreams, path_of, picture_part
+from services.monitor.live_views.shared import SharedSubscriptions
 from services.monitor.web.auth.users import STATE, Role, Visitor
+from services.monitor.web.pages.mjpeg import BOUNDARY, MOST_OF_VISITOR, NOTHING, MjpegStreams, path_of, picture_part
 from tests.schemas.frames import image
 from tests.schemas.pictures import compressed, file_of
 
@@ -70,7 +70,7 @@ def scope(camera: str = "front", stream: str = "overlay/detection", door: Door |
 async def shown(
     browser: Browser, door: Door | None = None, **options: float
 ) -> AsyncIterator[tuple[Pictures, asyncio.Task[None]]]:
-    overlays: Pictures = Shared(lambda _: Newest(), idle, most=1)
+    overlays: Pictures = SharedSubscriptions(lambda _: Newest(), idle, most=1)
     picture = MjpegStreams(overlays, **options)
     showing = asyncio.create_task(picture(scope(door=door), browser.receive, browser.send))
     await browser.until(2)
@@ -146,7 +146,7 @@ async def test_too_many_views_are_refused_with_a_reason() -> None:
 )
 async def test_what_is_no_overlay_of_a_camera_is_not_found(camera: str, stream: str) -> None:
     browser = Browser()
-    overlays: Pictures = Shared(lambda _: Newest(), idle, most=1)
+    overlays: Pictures = SharedSubscriptions(lambda _: Newest(), idle, most=1)
     await MjpegStreams(overlays)(scope(camera, stream), browser.receive, browser.send)
     assert browser.got[0]["status"] == 404
 
@@ -170,7 +170,7 @@ def test_a_browser_finds_an_overlay_by_its_names() -> None:
 
 
 async def test_nobody_looks_at_so_many_pictures_that_others_see_none() -> None:
-    pictures = MjpegStreams(Shared(lambda _: Newest(), idle, most=1))
+    pictures = MjpegStreams(SharedSubscriptions(lambda _: Newest(), idle, most=1))
     browsers = [Browser() for _ in range(MOST_OF_VISITOR + 1)]
     looking = [asyncio.create_task(pictures(scope(), each.receive, each.send)) for each in browsers]
     for each in browsers:

@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from services.monitor.live_views.shared import CrowdedError, Shared
+from services.monitor.live_views.shared import CrowdedError, SharedSubscriptions
 
 
 class Following:
@@ -30,7 +30,7 @@ async def settle() -> None:
 
 async def test_it_begins_with_the_first_and_ends_with_the_last() -> None:
     following = Following()
-    shared = Shared[str, list[str]](lambda _: [], following, most=2)
+    shared = SharedSubscriptions[str, list[str]](lambda _: [], following, most=2)
     async with shared.hold("a") as one:
         async with shared.hold("a") as two:
             await settle()
@@ -47,11 +47,11 @@ async def test_it_begins_with_the_first_and_ends_with_the_last() -> None:
 async def test_a_viewer_that_is_cancelled_leaves() -> None:
     following = Following()
 
-    async def look(shared: Shared[str, list[str]]) -> None:
+    async def look(shared: SharedSubscriptions[str, list[str]]) -> None:
         async with shared.hold("a"):
             await asyncio.Event().wait()
 
-    shared = Shared[str, list[str]](lambda _: [], following, most=2)
+    shared = SharedSubscriptions[str, list[str]](lambda _: [], following, most=2)
     viewer = asyncio.create_task(look(shared))
     await settle()
     assert following.now == ["a"]
@@ -61,7 +61,7 @@ async def test_a_viewer_that_is_cancelled_leaves() -> None:
 
 
 async def test_no_more_than_so_many_are_held_at_once() -> None:
-    shared = Shared[str, list[str]](lambda _: [], Following(), most=1)
+    shared = SharedSubscriptions[str, list[str]](lambda _: [], Following(), most=1)
     async with shared.hold("a"), shared.hold("a"):
         with pytest.raises(CrowdedError, match="1 are already open"):
             async with shared.hold("b"):
@@ -74,7 +74,7 @@ async def test_what_ends_the_following_is_raised_to_who_leaves_last() -> None:
     async def fail(_: str, __: None) -> None:
         raise ValueError("no such thing")
 
-    shared = Shared[str, None](lambda _: None, fail, most=1)
+    shared = SharedSubscriptions[str, None](lambda _: None, fail, most=1)
     with pytest.raises(ValueError, match="no such thing"):
         async with shared.hold("a"):
             await settle()

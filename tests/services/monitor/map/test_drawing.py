@@ -6,7 +6,7 @@ import pytest
 from services.monitor.liveness import OBJECT_FRESH_NS
 from services.monitor.map.drawing import MOST_SHOWN, Bounds, DrawnRobot, colour_of, is_fresh, svg_of
 from services.monitor.map.floor_plan import FloorPlan
-from services.monitor.map.last_seen import Mark
+from services.monitor.map.last_seen import MapObject
 from services.monitor.map.pose import Pose
 
 NOW = 1_000_000_000_000
@@ -14,8 +14,8 @@ BOUNDS = Bounds(-2, -2, 10, 5)
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def mark(x: float = 1.0, y: float = 1.0, *, name: str = "box", seen_ns: int = NOW) -> Mark:
-    return Mark(name, x, y, "r1", "front", seen_ns)
+def mark(x: float = 1.0, y: float = 1.0, *, name: str = "box", seen_ns: int = NOW) -> MapObject:
+    return MapObject(name, x, y, "r1", "front", seen_ns)
 
 
 def drawn(text: str) -> ET.Element:

@@ -9,9 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from services.monitor.map import floor_plan_file
-from services.monitor.map.floor_plan import MOST_CELLS
-from services.monitor.map.floor_plan_file import FloorPlanError, load_floor_plan
+from services.monitor.map import floor_plan
+from services.monitor.map.floor_plan import MOST_CELLS, FloorPlanError, load_floor_plan
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
 SAID = {"image": "map.pgm", "resolution": "0.5", "origin": "[-3.0, 2.0, 0.0]", "negate": "0"}
@@ -141,5 +140,5 @@ def test_what_is_no_map_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     (tmp_path / "list.yaml").write_bytes(b"\xff\xfe\x00")
     assert refusal(tmp_path / "list.yaml").startswith("list.yaml: ")
     assert "use 8 bits" in refusal(written(tmp_path, np.zeros((2, 2), np.uint16), image="deep.png"))
-    monkeypatch.setattr(floor_plan_file, "MAX_PIXELS", 29)
+    monkeypatch.setattr(floor_plan, "MAX_PIXELS", 29)
     assert refusal(written(tmp_path)) == "map.pgm: 6 x 5 pixels: at most 29 are drawn"

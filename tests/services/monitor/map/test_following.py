@@ -7,7 +7,7 @@ from bus.fake import FakeNetwork
 from schemas import codec, consumer_keys
 from schemas.keys import RobotStreamKey
 from schemas.transforms import Transforms
-from services.monitor.live_views.shared import Shared
+from services.monitor.live_views.shared import SharedSubscriptions
 from services.monitor.map.following import HeldRobots, Robots, robots
 from services.monitor.map.pose import Pose, Whereabouts
 from tests.services.monitor.map.test_pose import message, transform
@@ -49,7 +49,7 @@ async def test_a_map_follows_as_many_robots_as_there_is_room_for() -> None:
     async def idle(_: str, __: Whereabouts) -> None:
         await asyncio.Event().wait()
 
-    shared: Robots = Shared(lambda _: Whereabouts(), idle, most=2)
+    shared: Robots = SharedSubscriptions(lambda _: Whereabouts(), idle, most=2)
     async with HeldRobots(shared) as held:
         assert list(await held.keep(["r1", "r2"])) == ["r1", "r2"]
         assert list(await held.keep(["r2", "r3", "r4"])) == ["r2", "r3"]

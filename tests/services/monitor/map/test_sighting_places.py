@@ -2,7 +2,7 @@ import msgspec
 import pytest
 
 from schemas.distances import Distances, ObjectDistance, Place
-from services.monitor.map.last_seen import FORGET_NS, MOST, RENEW_NS, SAME_M, Mark, SightingMap
+from services.monitor.map.last_seen import FORGET_NS, MOST, RENEW_NS, SAME_M, MapObject, SightingMap
 from services.monitor.map.pose import Pose
 from tests.schemas.frames import header
 from tests.schemas.results import known, unknown
@@ -21,7 +21,7 @@ def seen(*objects: ObjectDistance, robot: str = "r1", camera: str = "front") -> 
     return Distances(header=header(robot=robot, camera=camera), objects=list(objects), model="m", worker="w")
 
 
-def xy(marks: list[Mark]) -> list[tuple[float, float]]:
+def xy(marks: list[MapObject]) -> list[tuple[float, float]]:
     return [(mark.x, mark.y) for mark in marks]
 
 
@@ -29,7 +29,7 @@ def xy(marks: list[Mark]) -> list[tuple[float, float]]:
 def test_an_object_is_where_it_was_seen_last(frame: str) -> None:
     places = SightingMap()
     places.take(seen(at(1.0, 2.0, frame=frame)), NOW)
-    assert places.marks(NOW) == [Mark("box", 1.0, 2.0, "r1", "front", NOW)]
+    assert places.marks(NOW) == [MapObject("box", 1.0, 2.0, "r1", "front", NOW)]
 
 
 def test_what_is_not_known_in_the_map_is_left_out() -> None:

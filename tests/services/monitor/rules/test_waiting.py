@@ -1,17 +1,17 @@
 import random
 
-from services.monitor.rules.subjects import SLACK, PendingPlaces, Place
+from services.monitor.rules.subjects import SLACK, PendingSubjects, SubjectKey
 
-A: Place = ("r1", "front", "box")
-B: Place = ("r2", "front", "box")
+A: SubjectKey = ("r1", "front", "box")
+B: SubjectKey = ("r2", "front", "box")
 
 
-def ripe(waiting: PendingPlaces) -> dict[str, list[Place]]:
+def ripe(waiting: PendingSubjects) -> dict[str, list[SubjectKey]]:
     return {rule: list(places) for rule, places in waiting.ripe.items()}
 
 
 def test_a_place_is_ripe_once_its_time_has_come_and_until_it_is_discarded() -> None:
-    waiting = PendingPlaces()
+    waiting = PendingSubjects()
     waiting.add("late", A, 20)
     waiting.add("soon", A, 10)
     assert waiting.next_ns() == 10
@@ -24,7 +24,7 @@ def test_a_place_is_ripe_once_its_time_has_come_and_until_it_is_discarded() -> N
 
 
 def test_what_was_discarded_is_never_ripe_and_may_wait_again() -> None:
-    waiting = PendingPlaces()
+    waiting = PendingSubjects()
     waiting.add("rule", A, 10)
     waiting.discard("rule", A)
     assert waiting.next_ns() is None
@@ -35,7 +35,7 @@ def test_what_was_discarded_is_never_ripe_and_may_wait_again() -> None:
 
 
 def test_places_of_rules_that_are_gone_are_forgotten() -> None:
-    waiting = PendingPlaces()
+    waiting = PendingSubjects()
     for rule in ("stays", "goes"):
         waiting.add(rule, A, 10)
         waiting.add(rule, B, 20)
@@ -46,7 +46,7 @@ def test_places_of_rules_that_are_gone_are_forgotten() -> None:
 
 
 def test_what_comes_and_goes_for_ever_takes_no_more_room() -> None:
-    waiting = PendingPlaces()
+    waiting = PendingSubjects()
     for moment in range(10_000):
         waiting.add("rule", A, 1_000_000 + moment)
         waiting.discard("rule", A)
@@ -54,8 +54,8 @@ def test_what_comes_and_goes_for_ever_takes_no_more_room() -> None:
 
 
 def test_it_is_as_looking_through_everything_would_be() -> None:
-    rng, waiting = random.Random(1), PendingPlaces()  # noqa: S311 - no secrets
-    plain: dict[tuple[str, Place], int] = {}
+    rng, waiting = random.Random(1), PendingSubjects()  # noqa: S311 - no secrets
+    plain: dict[tuple[str, SubjectKey], int] = {}
     for now in range(2_000):
         key = (rng.choice("ab"), rng.choice([A, B, ("r3", "", "")]))
         if key in plain and rng.random() < 0.7:

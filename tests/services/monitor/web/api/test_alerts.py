@@ -11,9 +11,9 @@ from schemas.status import WorkerStatus
 from services.monitor.formats import epoch_ns
 from services.monitor.history.state import Act
 from services.monitor.monitor import Monitor
-from services.monitor.page.health import facts
 from services.monitor.rules.loading import load_rules
 from services.monitor.rules.model import RuleBook
+from services.monitor.web.pages.health import facts
 from tests.contract.waiting import until
 from tests.services.monitor.alerting.test_webhooks import receiving
 from tests.services.monitor.web.api.seeing import FRONT, ODD, fill

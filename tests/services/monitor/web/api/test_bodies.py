@@ -20,11 +20,11 @@ def bodies() -> list[tuple[type[BaseModel], Body]]:
     fleet = Fleet("clock")
     fill(fleet)
     now_ns = time.time_ns()
-    glance = FleetView(fleet, Workers(fleet, now_ns), now_ns, time.monotonic())
+    fleet_view = FleetView(fleet, Workers(fleet, now_ns), now_ns, time.monotonic())
     (entry,) = fleet.inventory.entries(now_ns)
     return [
-        *((RobotAnswer, robot_body(glance.robot(name))) for name in glance.robots),
-        *((CameraAnswer, camera_body(glance.camera(CameraKey(name, "front")))) for name in glance.robots),
+        *((RobotAnswer, robot_body(fleet_view.robot(name))) for name in fleet_view.robots),
+        *((CameraAnswer, camera_body(fleet_view.camera(CameraKey(name, "front")))) for name in fleet_view.robots),
         (SightingAnswer, sighting_body(entry)),
     ]
 

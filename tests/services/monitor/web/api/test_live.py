@@ -8,7 +8,7 @@ import websockets
 from websockets.asyncio.client import ClientConnection
 
 from bus.fake import FakeNetwork
-from services.monitor.web.api.live import TOPICS, Client, Item
+from services.monitor.web.api.live import TOPICS, Item, LiveClient
 from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.api.seeing import ODD, fill, see
 from tests.services.monitor.web.serving import Served, monitor_on, served
@@ -19,7 +19,7 @@ def item(body: str, robot: str = "r1") -> Item:
 
 
 def test_a_client_is_told_what_is_new_to_it_and_what_is_gone() -> None:
-    client, one, two = Client(["robots", "alerts"], ""), item("one"), item("two")
+    client, one, two = LiveClient(["robots", "alerts"], ""), item("one"), item("two")
     assert client.news("t", {}) == ""
     first = json.loads(client.news("t", {"robots": {("r1",): one, ("r2",): two}, "cameras": {("r1", "x"): one}}))
     assert first == {"now": "t", "robots": {"changed": ["one", "two"], "gone": []}}
@@ -31,7 +31,7 @@ def test_a_client_is_told_what_is_new_to_it_and_what_is_gone() -> None:
 
 
 def test_that_there_is_nothing_of_a_topic_is_told_once() -> None:
-    client = Client(["robots", "alerts"], "")
+    client = LiveClient(["robots", "alerts"], "")
     empty: dict[str, list[str]] = {"changed": [], "gone": []}
     assert json.loads(client.news("t", {"robots": {}, "cameras": {}})) == {"now": "t", "robots": empty}
     assert client.news("t", {"robots": {}}) == "", "of alerts nothing is known yet"
@@ -41,7 +41,7 @@ def test_that_there_is_nothing_of_a_topic_is_told_once() -> None:
 
 
 def test_a_client_is_told_of_the_robot_it_asked_for_alone() -> None:
-    client = Client(["robots"], "r2")
+    client = LiveClient(["robots"], "r2")
     assert json.loads(client.news("t", {"robots": {("r1",): item("one")}}))["robots"]["changed"] == []
     assert json.loads(client.news("t", {"robots": {("r2",): item("two", "r2")}}))["robots"]["changed"] == ["two"]
 

@@ -3,7 +3,7 @@ import pytest
 from schemas.keys import CameraKey
 from services.monitor import event_loop
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.web.api.fleet import Place, SightingQuery, some_entries
+from services.monitor.web.api.fleet import SightingKey, SightingQuery, some_entries
 from tests.services.monitor.inventory.seeing import S, seen
 
 
@@ -22,7 +22,7 @@ def stocked(robots: int = 3) -> Inventory:
     return inventory
 
 
-async def places(asked: SightingQuery, most: int = 100, *, robots: int = 3) -> list[Place]:
+async def places(asked: SightingQuery, most: int = 100, *, robots: int = 3) -> list[SightingKey]:
     found = await some_entries(stocked(robots), asked, most, 2)
     return [(each.sighting.key.robot, each.sighting.key.camera, each.sighting.name) for each in found]
 

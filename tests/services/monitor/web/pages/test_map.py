@@ -1,0 +1,34 @@
+from services.monitor.liveness import OBJECT_FRESH_NS
+from services.monitor.map.drawing import STALE, colour_of
+from services.monitor.map.last_seen import MapObject
+from services.monitor.web.pages.map import keys, row
+
+NOW = 10**18
+HTML = "<b onclick=x>"
+
+
+def mark(name: str = "box", seen_ns: int = NOW) -> MapObject:
+    return MapObject(name, 1.25, -2.0, "r1", "front", seen_ns)
+
+
+def test_a_key_says_how_many_were_seen_just_now() -> None:
+    told = keys(
+        [mark(), mark(), mark(seen_ns=NOW - OBJECT_FRESH_NS - 1), mark("pallet", NOW - OBJECT_FRESH_NS - 1)], NOW
+    )
+    assert "2 box" in told
+    assert "0 pallet" in told
+    assert "2 not seen for a while" in told
+    assert colour_of("box") in told
+
+
+def test_what_was_not_seen_for_a_while_is_grey() -> None:
+    assert "fs-stale" not in row(mark(), NOW)
+    old = row(mark(seen_ns=NOW - OBJECT_FRESH_NS - 1), NOW)
+    assert "fs-stale" in old
+    assert STALE in old
+    assert "at 1.2, -2.0 m, by r1/front" in old
+
+
+def test_names_are_text() -> None:
+    assert HTML not in keys([mark(HTML)], NOW) + row(mark(HTML), NOW)
+    assert "&lt;b onclick=x&gt;" in row(mark(HTML), NOW)
