@@ -28,7 +28,8 @@ from sqlalchemy import (
 )
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from services.monitor.history.tables import intervals, lasted, places_of, presence
+from services.monitor.history.rows import places_of
+from services.monitor.history.tables import intervals, lasted, presence
 
 SLOTS: Final = 360
 FEWEST_SLOTS: Final = 12

@@ -1,10 +1,14 @@
-"""Converts between objects and rows of the history."""
+"""Rows of the history: converts them from and to objects, writes them, and finds the newest of each place."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, Final, TypeVar
 
 import msgspec
-from sqlalchemy import Row, Table
+from sqlalchemy import CTE, BigInteger, Row, ScalarSelect, Select, Table, and_, func, literal, select, tuple_
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.engine import Dialect
 
 from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey, check_name
@@ -93,3 +97,51 @@ def _storable(columns: dict[str, Any]) -> dict[str, Any]:
 def storable(text: str) -> str:
     """Return a text with NUL replaced, which PostgreSQL refuses."""
     return text.replace("\0", "\N{SYMBOL FOR NULL}")
+
+
+@dataclass(frozen=True, slots=True)
+class Upsert:
+    """The statement that inserts or replaces rows of a table. values: of a row, in the statement's order."""
+
+    statement: str
+    values: Callable[[Mapping[str, Any]], tuple[Any, ...]]
+
+
+def upsert_of(table: Table, dialect: Dialect) -> Upsert:
+    """Return the upsert statement of a table with more than one column."""
+    statement = (sqlite if dialect.name == "sqlite" else postgresql).insert(table)
+    keys = [column.name for column in table.primary_key]
+    others = {column.name: statement.excluded[column.name] for column in table.columns if column.name not in keys}
+    compiled = statement.on_conflict_do_update(index_elements=keys, set_=others).compile(dialect=dialect)
+    names = [column.name for column in table.columns] if compiled.positiontup is None else compiled.positiontup
+    return Upsert(str(compiled), itemgetter(*names))
+
+
+FOREVER_NS: Final = 2**63 - 1
+
+
+def places_of(table: Table) -> CTE:
+    """Return the places of a table, without those that name no robot, and one row of nulls.
+
+    A place is all of the primary key but since_ns, its end. From each to the next it takes a step in the key's index.
+    """
+    names = [column.name for column in table.primary_key if column.name != "since_ns"]
+    at = select(*(literal("").label(name) for name in names)).cte(recursive=True)
+    later = table.alias()
+    order = [*(later.c[name] for name in names), later.c.since_ns]
+    last = [*(at.c[name] for name in names), literal(FOREVER_NS, BigInteger)]
+
+    def of_next(name: str) -> ScalarSelect[Any]:
+        found = select(later.c[name]).where(tuple_(*order) > tuple_(*last))
+        return found.order_by(*order).limit(1).scalar_subquery()
+
+    return at.union_all(select(*map(of_next, names)).where(at.c.robot.is_not(None)))
+
+
+def newest_of_each(table: Table) -> Select[Any]:
+    """Return a query for the newest interval of each place; see `places_of`."""
+    at, others = places_of(table), table.alias()
+    names = [column.name for column in at.c]
+    newest = select(func.max(others.c.since_ns)).where(*(others.c[name] == at.c[name] for name in names))
+    here = and_(*(table.c[name] == at.c[name] for name in names), table.c.since_ns == newest.scalar_subquery())
+    return select(table).select_from(at).join(table, here).where(at.c.robot != "")

@@ -31,29 +31,29 @@ from services.monitor.history.presence import Presence, PresenceKey
 from services.monitor.history.row_maintenance import Pruning, begin_correcting, correct_some, shrink
 from services.monitor.history.rows import (
     TABLES,
+    Upsert,
     act_of_row,
     alert_of_row,
     lasting_of_row,
+    newest_of_each,
     pose_of_row,
     row_of_act,
     row_of_alert,
     row_of_lasting,
     row_of_pose,
+    upsert_of,
 )
 from services.monitor.history.state import Act, HistoryError, StoredState
 from services.monitor.history.tables import (
     UNRESOLVED,
-    Upsert,
     acts,
     alerts,
     clock_doubt,
     forgotten,
     heartbeat,
     intervals,
-    newest_of_each,
     poses,
     presence,
-    upsert_of,
     webhook_backlog,
 )
 from services.monitor.inventory.inventory import MAX_MEMBERS

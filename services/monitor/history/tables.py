@@ -1,12 +1,8 @@
 """The tables of the history. Times are nanoseconds since the epoch on the monitor's clock."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from operator import itemgetter
 from typing import Any, Final
 
 from sqlalchemy import (
-    CTE,
     BigInteger,
     Boolean,
     Column,
@@ -15,21 +11,12 @@ from sqlalchemy import (
     Index,
     Integer,
     MetaData,
-    ScalarSelect,
-    Select,
     String,
     Table,
     Text,
-    and_,
-    func,
-    literal,
     literal_column,
-    select,
     true,
-    tuple_,
 )
-from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.engine import Dialect
 
 from schemas.header import MAX_LABEL
 
@@ -58,71 +45,59 @@ def _index_of_open(table: Table) -> Index:
     )
 
 
+def _interval_table(name: str, *columns: Column[Any], by_class: bool = True) -> Table:
+    """Return a table of intervals at a camera: each lasts from since_ns to until_ns, and goes on while it is open."""
+    made = Table(
+        name,
+        metadata,
+        Column("robot", NAME, primary_key=True),
+        Column("camera", NAME, primary_key=True),
+        *([Column("name", LABEL, primary_key=True)] if by_class else []),
+        Column("since_ns", BigInteger, primary_key=True),
+        Column("until_ns", BigInteger, nullable=False),
+        Column("open", Boolean, nullable=False),
+        *columns,
+        Index(f"{name}_by_end", "until_ns"),
+    )
+    _index_of_open(made)
+    return made
+
+
 def lasted(table: Table, since_ns: int) -> ColumnElement[bool]:
     """Return the condition for intervals that lasted until then, or are open."""
     return (table.c.until_ns >= since_ns) | table.c.open
 
 
-intervals: Final = Table(
+intervals: Final = _interval_table(
     "intervals",
-    metadata,
-    Column("robot", NAME, primary_key=True),
-    Column("camera", NAME, primary_key=True),
-    Column("name", LABEL, primary_key=True),
-    Column("since_ns", BigInteger, primary_key=True),
-    Column("until_ns", BigInteger, nullable=False),
-    Column("open", Boolean, nullable=False),
     Column("count", BigInteger, nullable=False),
     Column("score", Float, nullable=False),
     Column("closest_m", Float),
     Column("first_ns", BigInteger, nullable=False),
     Column("model", LABEL, nullable=False),
     Column("worker", LABEL, nullable=False),
-    Index("intervals_by_end", "until_ns"),
 )
 """As long as one class was in view of one camera with one count.
 
 open: it goes on; until_ns is then the heartbeat's. first_ns: when the class came into view, with whatever count.
 """
 
-open_intervals: Final = _index_of_open(intervals)
+open_intervals: Final = next(index for index in intervals.indexes if index.name == "intervals_open")
 
-presence: Final = Table(
-    "presence",
-    metadata,
-    Column("robot", NAME, primary_key=True),
-    Column("camera", NAME, primary_key=True),
-    Column("since_ns", BigInteger, primary_key=True),
-    Column("until_ns", BigInteger, nullable=False),
-    Column("open", Boolean, nullable=False),
-    Column("heard_ns", BigInteger),
-    Index("presence_by_end", "until_ns"),
-)
+presence: Final = _interval_table("presence", Column("heard_ns", BigInteger), by_class=False)
 """As long as a robot's gateway was there, or a camera was spoken for; without a robot: as long as one monitor led.
 
 heard_ns: when the last class list of a camera came before it was thought silent.
 """
 
-_index_of_open(presence)
-
-disagreements: Final = Table(
+disagreements: Final = _interval_table(
     "disagreements",
-    metadata,
-    Column("robot", NAME, primary_key=True),
-    Column("camera", NAME, primary_key=True),
-    Column("name", LABEL, primary_key=True),
-    Column("since_ns", BigInteger, primary_key=True),
-    Column("until_ns", BigInteger, nullable=False),
-    Column("open", Boolean, nullable=False),
     Column("count", BigInteger, nullable=False),
     Column("model", LABEL, nullable=False),
     Column("other_count", BigInteger, nullable=False),
     Column("other_model", LABEL, nullable=False),
-    Index("disagreements_by_end", "until_ns"),
 )
 """As long as two models that looked at one camera counted a class differently; model: the one that spoke for it."""
-
-_index_of_open(disagreements)
 
 poses: Final = Table(
     "poses",
@@ -240,51 +215,3 @@ logins: Final = Table(
     Index("logins_by_user", "user"),
 )
 """Sessions and tokens that are good until then. digest: SHA-256, in hexadecimal, of what shows that one has it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Upsert:
-    """The statement that inserts or replaces rows of a table. values: of a row, in the statement's order."""
-
-    statement: str
-    values: Callable[[Mapping[str, Any]], tuple[Any, ...]]
-
-
-def upsert_of(table: Table, dialect: Dialect) -> Upsert:
-    """Return the upsert statement of a table with more than one column."""
-    statement = (sqlite if dialect.name == "sqlite" else postgresql).insert(table)
-    keys = [column.name for column in table.primary_key]
-    others = {column.name: statement.excluded[column.name] for column in table.columns if column.name not in keys}
-    compiled = statement.on_conflict_do_update(index_elements=keys, set_=others).compile(dialect=dialect)
-    names = [column.name for column in table.columns] if compiled.positiontup is None else compiled.positiontup
-    return Upsert(str(compiled), itemgetter(*names))
-
-
-FOREVER_NS: Final = 2**63 - 1
-
-
-def places_of(table: Table) -> CTE:
-    """Return the places of a table, without those that name no robot, and one row of nulls.
-
-    A place is all of the primary key but since_ns, its end. From each to the next it takes a step in the key's index.
-    """
-    names = [column.name for column in table.primary_key if column.name != "since_ns"]
-    at = select(*(literal("").label(name) for name in names)).cte(recursive=True)
-    later = table.alias()
-    order = [*(later.c[name] for name in names), later.c.since_ns]
-    last = [*(at.c[name] for name in names), literal(FOREVER_NS, BigInteger)]
-
-    def of_next(name: str) -> ScalarSelect[Any]:
-        found = select(later.c[name]).where(tuple_(*order) > tuple_(*last))
-        return found.order_by(*order).limit(1).scalar_subquery()
-
-    return at.union_all(select(*map(of_next, names)).where(at.c.robot.is_not(None)))
-
-
-def newest_of_each(table: Table) -> Select[Any]:
-    """Return a query for the newest interval of each place; see `places_of`."""
-    at, others = places_of(table), table.alias()
-    names = [column.name for column in at.c]
-    newest = select(func.max(others.c.since_ns)).where(*(others.c[name] == at.c[name] for name in names))
-    here = and_(*(table.c[name] == at.c[name] for name in names), table.c.since_ns == newest.scalar_subquery())
-    return select(table).select_from(at).join(table, here).where(at.c.robot != "")

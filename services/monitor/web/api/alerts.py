@@ -11,15 +11,8 @@ from schemas.alerts import Alert, AlertState
 from services.monitor.formats import moment
 from services.monitor.history.state import Act, HistoryError
 from services.monitor.monitor import Monitor
-from services.monitor.web.api.models import (
-    AlertAnswer,
-    HistoryAnswer,
-    MeAnswer,
-    Page,
-    RulesAnswer,
-    StatusAnswer,
-    alert_answer,
-)
+from services.monitor.web.api.bodies import alert_answer
+from services.monitor.web.api.models import AlertAnswer, HistoryAnswer, MeAnswer, Page, RulesAnswer, StatusAnswer
 from services.monitor.web.api.paging import After, Limit, Name, operator_of, page_of
 from services.monitor.web.auth.users import visitor_of
 

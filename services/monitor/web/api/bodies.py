@@ -1,21 +1,43 @@
-"""JSON of long lists, in the fields of `models`, mostly without making models.
+"""Fills the models of the API from the fleet; long lists as JSON without making a model of each item. Pure.
 
-Pure.
+The fields are those of `models`. One that the source has under the same name is taken from there, and the others are
+given.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from datetime import datetime
+from operator import attrgetter
+from typing import Any, Final, TypeVar
 
 import msgspec
 from fastapi import Response
 
+from schemas.alerts import Alert
+from schemas.status import GatewayStatus
 from services.monitor.formats import moment, rounded
+from services.monitor.history.intervals import Interval
+from services.monitor.history.state import Act
 from services.monitor.inventory.inventory import Entry
-from services.monitor.snapshot import CameraLine, RobotLine
-from services.monitor.web.api.models import Part, known_moment
+from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
+from services.monitor.web.api.models import (
+    ActAnswer,
+    AlertAnswer,
+    CameraAnswer,
+    GatewayAnswer,
+    IntervalAnswer,
+    LoadAnswer,
+    Part,
+    ReturnAnswer,
+    RobotAnswer,
+    SightingAnswer,
+    StreamAnswer,
+    WorkerAnswer,
+)
+
+M = TypeVar("M", bound=Part)
 
 Body = dict[str, Any]
-"""The JSON of a list's item, in the fields of its model in `models`."""
+"""The JSON of a list's item, in the fields of its model."""
 
 
 def page_response(now_ns: int, items: Sequence[Body | msgspec.Raw], mark: str | None) -> Response:
@@ -33,55 +55,110 @@ def encoded_answer(answer: Part) -> msgspec.Raw:
     return msgspec.Raw(answer.model_dump_json(by_alias=True).encode())
 
 
+def known_moment(ns: int) -> datetime | None:
+    """Return a time; None for 0, which stands for never."""
+    return moment(ns) if ns else None
+
+
+class _Fields:
+    """The fields of a model in JSON, some of them from a source that has them under the same names.
+
+    given: the others, which the caller fills in. Looked up once: there are bodies of thousands of items.
+    """
+
+    def __init__(self, model: type[Part], *given: str) -> None:
+        fields = {name: field.serialization_alias or name for name, field in model.model_fields.items()}
+        taken = [name for name in fields if name not in given]
+        self._empty: Body = dict.fromkeys(fields.values())
+        self._names = [fields[name] for name in taken]
+        self._values = attrgetter(*taken)
+
+    def of(self, source: object) -> Body:
+        """Return the fields, those to be filled in as None."""
+        return {**self._empty, **dict(zip(self._names, map(rounded, self._values(source)), strict=True))}
+
+
+def answer_of(model: type[M], source: object, **given: Any) -> M:
+    """Return a model. source: has the fields that are not given."""
+    names = [name for name in model.model_fields if name not in given]
+    return model(**{name: rounded(getattr(source, name)) for name in names}, **given)
+
+
+_ROBOT: Final = _Fields(RobotAnswer, "last_seen", "waiting_for")
+_CAMERA: Final = _Fields(CameraAnswer, "robot", "camera", "last_seen", "age_exact", "classes", "served_by", "dropped")
+_SIGHTING: Final = _Fields(SightingAnswer, "robot", "camera", "first_seen", "last_seen", "available")
+
+
 def robot_body(line: RobotLine) -> Body:
     """Return a RobotAnswer."""
-    return {
-        "name": line.name,
-        "online": line.online,
-        "last_seen": known_moment(line.last_ns),
-        "cameras": line.cameras,
-        "age_s": rounded(line.age_s),
-        "rate_hz": rounded(line.rate_hz),
-        "waiting_for": "" if line.gateway is None else line.gateway.waiting_for,
-        "problems": line.problems,
-        "dropped": line.dropped,
-    }
+    body = _ROBOT.of(line)
+    body["last_seen"] = known_moment(line.last_ns)
+    body["waiting_for"] = "" if line.gateway is None else line.gateway.waiting_for
+    return body
 
 
 def camera_body(line: CameraLine) -> Body:
     """Return a CameraAnswer."""
     row = line.row
-    seen = row.classes
-    return {
-        "robot": row.key.robot,
-        "camera": row.key.camera,
-        "online": row.online,
-        "stale": row.stale,
-        "last_seen": known_moment(line.last_ns),
-        "age_s": None if row.age is None else rounded(row.age.seconds),
-        "age_exact": row.age is not None and row.age.exact,
-        "rate_hz": rounded(row.rate_hz),
-        "classes": None
-        if seen is None
-        else [{"name": of.name, "count": of.count, "score": rounded(of.score)} for of in seen],
-        "served_by": line.served_by,
-        "dropped": line.dropped,
-    }
+    body = _CAMERA.of(row)
+    body["robot"], body["camera"] = row.key.robot, row.key.camera
+    body["last_seen"] = known_moment(line.last_ns)
+    body["age_exact"] = row.age is not None and row.age.exact
+    if row.classes is not None:
+        body["classes"] = [{"name": of.name, "count": of.count, "score": rounded(of.score)} for of in row.classes]
+    body["served_by"], body["dropped"] = line.served_by, line.dropped
+    return body
 
 
 def sighting_body(entry: Entry) -> Body:
     """Return a SightingAnswer."""
     of = entry.sighting
-    return {
-        "robot": of.key.robot,
-        "camera": of.key.camera,
-        "class": of.name,
-        "count": of.count,
-        "score": rounded(of.score),
-        "first_seen": known_moment(of.first_ns),
-        "last_seen": known_moment(of.last_ns),
-        "nearest_m": rounded(of.nearest_m),
-        "model": of.model,
-        "worker": of.worker,
-        "available": entry.available,
-    }
+    body = _SIGHTING.of(of)
+    body["robot"], body["camera"] = of.key.robot, of.key.camera
+    body["first_seen"], body["last_seen"] = known_moment(of.first_ns), known_moment(of.last_ns)
+    body["available"] = entry.available
+    return body
+
+
+def interval_answer(of: Interval) -> IntervalAnswer:
+    """Return an interval's model."""
+    times = {"since": moment(of.since_ns), "until": moment(of.until_ns), "first_seen": moment(of.first_ns)}
+    return answer_of(IntervalAnswer, of, robot=of.key.robot, camera=of.key.camera, **times)
+
+
+def alert_answer(alert: Alert, acts: tuple[Act, ...], known_until_ns: int | None) -> AlertAnswer:
+    """Return an alert's model. known_until_ns: see `services.monitor.snapshot.known_until_ns`."""
+    return answer_of(
+        AlertAnswer,
+        alert,
+        raised=moment(alert.raised_ns),
+        changed=moment(alert.changed_ns),
+        known_until=None if known_until_ns is None else moment(known_until_ns),
+        acts=tuple(answer_of(ActAnswer, act, at=moment(act.at_ns)) for act in acts),
+    )
+
+
+def worker_answer(line: WorkerLine) -> WorkerAnswer:
+    """Return a worker's model."""
+    of = line.status
+    loads = tuple(LoadAnswer.model_validate(load) for load in of.cameras)
+    return answer_of(
+        WorkerAnswer,
+        of,
+        online=line.online,
+        last_seen=known_moment(line.last_ns),
+        cameras=loads,
+        remarks=tuple(of.remarks),
+    )
+
+
+def gateway_answer(of: GatewayStatus, last_ns: int, *, online: bool) -> GatewayAnswer:
+    """Return a gateway's model. last_ns: the robot's newest message."""
+    return answer_of(
+        GatewayAnswer,
+        of,
+        online=online,
+        last_seen=known_moment(last_ns),
+        streams=tuple(StreamAnswer.model_validate(stream) for stream in of.streams),
+        returns=tuple(ReturnAnswer.model_validate(each) for each in of.returns),
+    )

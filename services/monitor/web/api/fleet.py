@@ -14,17 +14,16 @@ from services.monitor.event_loop import in_turns
 from services.monitor.inventory.inventory import Entry, Inventory
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import WorkerLine
-from services.monitor.web.api.bodies import camera_body, encoded_answer, page_response, robot_body, sighting_body
-from services.monitor.web.api.models import (
-    CameraAnswer,
-    GatewayAnswer,
-    Page,
-    RobotAnswer,
-    SightingAnswer,
-    WorkerAnswer,
+from services.monitor.web.api.bodies import (
+    camera_body,
+    encoded_answer,
     gateway_answer,
+    page_response,
+    robot_body,
+    sighting_body,
     worker_answer,
 )
+from services.monitor.web.api.models import CameraAnswer, GatewayAnswer, Page, RobotAnswer, SightingAnswer, WorkerAnswer
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, operator_of, page_of, place_of
 
 PLACE: Final = attrgetter("robot", "camera")

@@ -21,7 +21,8 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.settings import LAST_NS, NONE, ExportSettings, written_like
 from services.monitor.history.state import Act
 from services.monitor.monitor import Monitor
-from services.monitor.web.api.models import AlertAnswer, IntervalAnswer, Page, alert_answer, interval_answer
+from services.monitor.web.api.bodies import alert_answer, interval_answer
+from services.monitor.web.api.models import AlertAnswer, IntervalAnswer, Page
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, operator_of, place_of
 
 DEFAULT_LIMIT: Final = 200

@@ -18,8 +18,15 @@ from services.monitor.history.state import Act, HistoryError
 from services.monitor.inventory.inventory import Entry
 from services.monitor.monitor import MAX_AGE_S, Monitor
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
-from services.monitor.web.api.bodies import camera_body, encoded, robot_body, sighting_body
-from services.monitor.web.api.models import alert_answer, gateway_answer, worker_answer
+from services.monitor.web.api.bodies import (
+    alert_answer,
+    camera_body,
+    encoded,
+    gateway_answer,
+    robot_body,
+    sighting_body,
+    worker_answer,
+)
 
 Topic = Literal["robots", "cameras", "inventory", "alerts", "workers", "gateways"]
 TOPICS: Final[tuple[Topic, ...]] = get_args(Topic)

@@ -6,12 +6,8 @@ from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from schemas.alerts import Alert, AlertState, Severity
-from schemas.status import GatewayStatus
-from services.monitor.formats import moment, rounded
-from services.monitor.history.intervals import Interval
-from services.monitor.history.state import Act
-from services.monitor.snapshot import WorkerLine
+from schemas.alerts import AlertState, Severity
+from services.monitor.formats import rounded
 from services.monitor.web.auth.users import Role
 
 T = TypeVar("T")
@@ -259,74 +255,3 @@ class MeAnswer(Part):
 
     name: str
     role: Role
-
-
-def known_moment(ns: int) -> datetime | None:
-    """Return a time; None for 0, which stands for never."""
-    return moment(ns) if ns else None
-
-
-def interval_answer(of: Interval) -> IntervalAnswer:
-    """Return an interval's model."""
-    return IntervalAnswer(
-        robot=of.key.robot,
-        camera=of.key.camera,
-        name=of.name,
-        count=of.count,
-        since=moment(of.since_ns),
-        until=moment(of.until_ns),
-        open=of.open,
-        score=rounded(of.score),
-        closest_m=rounded(of.closest_m),
-        first_seen=moment(of.first_ns),
-        model=of.model,
-        worker=of.worker,
-    )
-
-
-def alert_answer(alert: Alert, acts: tuple[Act, ...], known_until_ns: int | None) -> AlertAnswer:
-    """Return an alert's model. known_until_ns: see `doubt`."""
-    return AlertAnswer(
-        id=alert.id,
-        rule=alert.rule,
-        severity=alert.severity,
-        state=alert.state,
-        robot=alert.robot,
-        camera=alert.camera,
-        name=alert.name,
-        text=alert.text,
-        raised=moment(alert.raised_ns),
-        changed=moment(alert.changed_ns),
-        known_until=None if known_until_ns is None else moment(known_until_ns),
-        acts=tuple(ActAnswer(state=act.state, who=act.who, at=moment(act.at_ns)) for act in acts),
-    )
-
-
-def worker_answer(line: WorkerLine) -> WorkerAnswer:
-    """Return a worker's model."""
-    of = line.status
-    return WorkerAnswer(
-        service=of.service,
-        worker=of.worker,
-        model=of.model,
-        online=line.online,
-        last_seen=known_moment(line.last_ns),
-        cameras=tuple(LoadAnswer.model_validate(load) for load in of.cameras),
-        remarks=tuple(of.remarks),
-        version=of.version,
-    )
-
-
-def gateway_answer(of: GatewayStatus, last_ns: int, *, online: bool) -> GatewayAnswer:
-    """Return a gateway's model. last_ns: the robot's newest message."""
-    return GatewayAnswer(
-        robot=of.robot,
-        online=online,
-        last_seen=known_moment(last_ns),
-        waiting_for=of.waiting_for,
-        clock_jumps=of.clock_jumps,
-        streams=tuple(StreamAnswer.model_validate(stream) for stream in of.streams),
-        returns=tuple(ReturnAnswer.model_validate(each) for each in of.returns),
-        withdrawn=of.withdrawn,
-        version=of.version,
-    )

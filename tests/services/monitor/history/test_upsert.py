@@ -2,7 +2,8 @@ import sqlite3
 from contextlib import closing
 
 from services.monitor.history.engine import engine_of
-from services.monitor.history.tables import heartbeat, intervals, upsert_of
+from services.monitor.history.rows import upsert_of
+from services.monitor.history.tables import heartbeat, intervals
 
 COLUMNS = tuple(column.name for column in intervals.columns)
 ROW = {name: number for number, name in enumerate(COLUMNS)}
