@@ -1,3 +1,7 @@
+"""Connections to the database."""
+
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -6,6 +10,8 @@ from sqlalchemy.exc import OperationalError
 
 from services.monitor.history.engine import engine_of, file_of, name_of, private_file
 from services.monitor.history.state import HistoryError
+from tests.services.monitor.history.test_store import interval, opened
+from tests.services.monitor.inventory.seeing import S
 
 
 def test_a_new_database_is_nobody_elses_to_read_and_one_that_is_there_stays_as_it_is(tmp_path: Path) -> None:
@@ -60,3 +66,20 @@ def test_a_database_is_called_by_its_place_alone(url: str, name: str) -> None:
 def test_what_is_no_url_of_a_database_is_said(url: str) -> None:
     with pytest.raises(HistoryError, match="not the URL of a database"):
         engine_of(url)
+
+
+def names(folder: Path) -> list[str]:
+    return [each.name for each in folder.iterdir()]
+
+
+async def test_while_it_is_written_others_may_read_and_in_the_end_it_is_one_file(tmp_path: Path) -> None:
+    file = tmp_path / "history.db"
+    async with opened(f"sqlite:///{file}") as store:
+        await store.write([interval(1, 2)], [], 2 * S)
+        with closing(sqlite3.connect(file)) as reader:
+            assert reader.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+            reader.execute("BEGIN")
+            assert reader.execute("SELECT count(*) FROM intervals").fetchone() == (1,)
+            await store.write([interval(3, 4)], [], 4 * S)
+            assert reader.execute("SELECT count(*) FROM intervals").fetchone() == (1,)
+    assert names(tmp_path) == ["history.db"]

@@ -17,7 +17,7 @@ from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.users import Kind
 from tests.contract.waiting import until
 from tests.services.monitor.history.monitoring import Monitor, kept, monitoring
-from tests.services.monitor.history.test_file import names
+from tests.services.monitor.history.test_engine import names
 from tests.services.monitor.history.test_opening import changing, numbers
 from tests.services.monitor.history.test_store import every, interval, opened
 from tests.services.monitor.inventory.seeing import S

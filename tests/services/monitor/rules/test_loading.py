@@ -1,8 +1,17 @@
+"""Rule files: what is loaded, refused and remarked upon."""
+
+from pathlib import Path
+from typing import Any
+
 import pytest
 
 from schemas.alerts import Severity
-from services.monitor.rules.loading import MAX_CHARACTERS, RuleFileError, load_rules
+from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.rules.command import run
+from services.monitor.rules.loading import MAX_CHARACTERS, Classes, RuleFileError, load_rules, remarks
 from services.monitor.rules.model import NearerRule, SilentRule
+from services.monitor.settings import RulesSettings
+from tests.services.monitor.rules.ruling import book
 
 GOOD = """\
 timezone: Europe/Berlin
@@ -98,3 +107,91 @@ def test_a_mistake_is_shown_with_its_line(text: str, line: int, reason: str) -> 
     assert reason in raised.value.reason
     assert raised.value.line == line
     assert "\n" not in str(raised.value)
+
+
+async def refused(file: Path, reason: str) -> None:
+    """See that a monitor and `rules test` both refuse a file."""
+    with pytest.raises(RuleFileError) as by_monitor:
+        await RuleFile(file).load()
+    with pytest.raises(RuleFileError) as by_command:
+        await run(RulesSettings.model_validate({"task": "test", "file": file, "history": "sqlite:////nowhere"}))
+    assert (str(by_monitor.value), str(by_command.value)) == (reason, reason)
+
+
+async def test_of_a_file_that_is_too_long_no_more_is_read_than_says_so(tmp_path: Path) -> None:
+    file = tmp_path / "rules.yaml"
+    file.write_bytes(b"#" * 3 * MAX_CHARACTERS + b"\xff")  # which could not be read at all
+    await refused(file, f"{file}: line 1: a rule file has at most {MAX_CHARACTERS} characters")
+
+
+async def test_a_bound_is_one_on_characters_whatever_they_take(tmp_path: Path) -> None:
+    file = tmp_path / "rules.yaml"
+    text = "rules: []  # "
+    file.write_text(text + "\N{ROBOT FACE}" * (MAX_CHARACTERS - len(text)), encoding="utf-8")
+    rules = RuleFile(file)
+    await rules.load()
+    assert rules.book.rules == ()
+
+
+async def test_what_cannot_be_read_is_said_in_words(tmp_path: Path) -> None:
+    file = tmp_path / "rules.yaml"
+    await refused(file, f"{file}: No such file or directory")
+    file.write_bytes(b"rules: \xff")
+    await refused(file, f"{file}: 'utf-8' codec can't decode byte 0xff in position 7: invalid start byte")
+
+
+BOXES = {"box", "pallet"}
+MISSPELT = {"name": "near", "when": "nearer", "class": "palet", "than_m": 2}
+DISAGREE = {"name": "odd", "when": "disagree", "class": "person"}
+
+
+def said(
+    rule: dict[str, Any],
+    detectors: Classes = (BOXES,),
+    opinions: Classes = (),
+    seen: tuple[str, ...] = (),
+    robots: tuple[str, ...] = (),
+) -> list[str]:
+    return list(remarks(book(rule), detectors, opinions, lambda name: name in seen, set(robots)))
+
+
+def test_a_class_that_no_detector_reports_is_remarked() -> None:
+    assert said(MISSPELT) == ["rule 'near': no detector reports 'palet'"]
+    assert said({**MISSPELT, "class": "pallet"}) == []
+    assert said(MISSPELT, detectors=[BOXES, {"palet"}]) == []
+
+
+@pytest.mark.parametrize(
+    "known",
+    [{"detectors": ()}, {"detectors": (BOXES, ())}, {"seen": ("palet",)}],
+    ids=["no detector is there", "one does not say", "somebody else reports it"],
+)
+def test_what_is_not_known_is_not_remarked(known: dict[str, Any]) -> None:
+    assert said(MISSPELT, **known) == []
+
+
+def test_a_second_opinion_counts_for_rules_about_disagreement_alone() -> None:
+    assert said(DISAGREE) == ["rule 'odd': no detector reports 'person'"]
+    assert said(DISAGREE, opinions=[{"person"}]) == []
+    assert said({**MISSPELT, "class": "person"}, opinions=[{"person"}]) == ["rule 'near': no detector reports 'person'"]
+    assert said({"when": "disagree"}) == []
+
+
+def test_a_pattern_that_fits_no_robot_is_remarked_once_there_are_robots() -> None:
+    lost = {"name": "lost", "when": "silent", "robots": ["dokc*", "r1"]}
+    assert said(lost) == []
+    assert said(lost, robots=("dock1", "r1")) == ["rule 'lost': no robot is called 'dokc*'"]
+    assert said(lost, robots=("dokc1",)) == ["rule 'lost': no robot is called 'r1'"]
+
+
+def test_what_an_actions_payload_has_in_braces_and_is_not_filled_in_is_remarked() -> None:
+    def of(payload: str) -> list[str]:
+        return said({"when": "silent", "name": "lost", "action": {"name": "stop", "payload": payload}})
+
+    told = "in its payload is unknown and sent as it is: only {robot}, {camera} and {class} are filled in"
+    assert of("{class} at {robot}/{camera} {nope}") == [f"rule 'lost': '{{nope}}' {told}"]
+    assert of("{Robot} { camera } {nope} {nope}") == [
+        f"rule 'lost': '{each}' {told}" for each in ("{Robot}", "{ camera }", "{nope}")
+    ]
+    assert of('{"robot": "{robot}", "stop": {"after_s": 2}, "empty": {}, "at": [{"x": {}}]}') == []
+    assert of("") == said({"when": "silent", "name": "lost"}) == []

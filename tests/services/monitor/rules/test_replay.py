@@ -1,3 +1,5 @@
+"""Rules replayed over the history."""
+
 from typing import Any
 
 import pytest
@@ -9,10 +11,10 @@ from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.presence import Presence
 from services.monitor.rules.model import RuleBook
 from services.monitor.rules.replay import caveats, replay
-from services.monitor.rules.timeline import Timeline
+from services.monitor.rules.timeline import FOREVER_NS, NEVER, Run, Timeline, spoken_for
 from tests.services.monitor.history.lasting import disagreement, there
 from tests.services.monitor.history.test_store import interval
-from tests.services.monitor.inventory.seeing import S
+from tests.services.monitor.inventory.seeing import FRONT, S
 from tests.services.monitor.rules.ruling import book
 
 
@@ -275,3 +277,88 @@ def test_what_cannot_be_tried_is_said() -> None:
     rules = book({"when": "silent"}, {"when": "disagree"}, {"when": "nearer", "class": "box", "than_m": 1})
     assert [note.split(": ")[1][:12] for note in caveats(rules)] == ["is tried wit"]
     assert list(replay(rules, Timeline())) == []
+
+
+RUNS = [there(10, 20, ""), there(30, 35, "", is_open=True)]
+
+
+def test_before_the_first_monitor_that_is_kept_another_one_ran() -> None:
+    assert list(Timeline().runs()) == [Run(0, FOREVER_NS, told=False)]
+    runs = [Run(0, 10 * S, told=False), Run(10 * S, 20 * S, told=True), Run(30 * S, FOREVER_NS, told=True)]
+    assert list(Timeline(presences=RUNS[::-1]).runs()) == runs
+    assert (Timeline().told_ns, Timeline(presences=RUNS).told_ns) == (FOREVER_NS, 10 * S)
+
+
+def test_a_run_ends_at_the_latest_when_the_next_one_begins() -> None:
+    runs = list(Timeline(presences=[there(10, 25, ""), there(20, 25, "", is_open=True)]).runs())
+    assert [(run.since_ns // S, run.until_ns) for run in runs[1:]] == [(10, 20 * S), (20, FOREVER_NS)]
+
+
+def test_steps_are_in_order_and_what_ends_does_so_before_what_begins() -> None:
+    past = Timeline([interval(5, 8), interval(8, 9, is_open=True)], [there(2, 8), *RUNS], [disagreement(8, 9)])
+    steps = [(step.at_ns // S, type(step.of).__name__, step.begins, step.unseen) for step in past.steps()]
+    assert steps[:2] == [(2, "Presence", True, False), (5, "Interval", True, True)]
+    assert sorted(steps[2:4]) == [(8, "Interval", False, False), (8, "Presence", False, False)]
+    assert sorted(steps[4:6]) == [(8, "Disagreement", True, False), (8, "Interval", True, False)]
+    assert steps[6:] == [(9, "Disagreement", False, False)]
+
+
+def test_what_nobody_saw_go_goes_when_its_camera_is_thought_silent() -> None:
+    camera = replace(there(1, 9, camera="front"), heard_ns=6 * S)
+    steps = {(step.at_ns // S, step.unseen) for step in Timeline([interval(2, 6)], [camera]).steps() if not step.begins}
+    assert steps == {(9, True), (9, False)}
+    steps = {(step.at_ns // S, step.unseen) for step in Timeline([interval(2, 5)], [camera]).steps() if not step.begins}
+    assert steps == {(5, False), (9, False)}
+
+
+def test_what_is_only_counted_otherwise_before_a_camera_falls_silent_is_not_lost() -> None:
+    camera = replace(there(1, 9, camera="front"), heard_ns=6 * S)
+    steps = Timeline([interval(2, 6), interval(6, 7, is_open=True)], [camera]).steps()
+    assert [(step.at_ns // S, step.begins, step.unseen) for step in steps] == [
+        (1, True, False),
+        (2, True, True),
+        (6, False, False),
+        (6, True, False),
+        (9, False, False),
+    ]
+
+
+def test_what_ended_when_it_began_is_not_there_afterwards() -> None:
+    past = Timeline([interval(5, 5)], [there(2, 2)], [disagreement(3, 3)])
+    assert [(step.at_ns // S, step.begins) for step in past.steps()] == [(2, False), (3, False)]
+
+
+def test_a_past_reaches_from_what_ended_first_to_what_lasted_longest() -> None:
+    assert (Timeline().first_ns, Timeline().last_ns) == (FOREVER_NS, 0)
+    past = Timeline([interval(5, 8), interval(1, 9)], RUNS, [disagreement(8, 70)])
+    assert (past.first_ns, past.last_ns) == (8 * S, 70 * S)
+
+
+TWICE = [
+    replace(there(10, 23, camera="front"), heard_ns=20 * S),
+    replace(there(100, 203, camera="front"), heard_ns=200 * S),
+    there(220, 300, camera="front", is_open=True),
+    there(1, 999, is_open=True),
+]
+
+
+@pytest.mark.parametrize(
+    ("until_s", "lost_s"), [(9, None), (19, None), (20, 23), (21, 23), (24, None), (150, None), (200, 203), (250, None)]
+)
+def test_what_was_in_view_until_the_end_is_lost_when_the_camera_is_thought_silent(
+    until_s: int, lost_s: int | None
+) -> None:
+    lost_ns = spoken_for(TWICE)[FRONT].lost_ns(interval(5, until_s))
+    assert lost_ns == (None if lost_s is None else lost_s * S)
+
+
+@pytest.mark.parametrize(
+    ("since_s", "first"), [(9, False), (15, False), (99, True), (100, True), (101, False), (219, False), (250, False)]
+)
+def test_what_was_there_when_a_lost_camera_spoke_again_did_not_come(since_s: int, *, first: bool) -> None:
+    assert spoken_for(TWICE)[FRONT].was_there_first(interval(since_s, 999)) == first
+
+
+def test_of_a_camera_that_nobody_ever_spoke_for_nothing_is_known() -> None:
+    assert set(spoken_for(TWICE)) == {FRONT}
+    assert (NEVER.lost_ns(interval(1, 2)), NEVER.was_there_first(interval(1, 2))) == (None, False)

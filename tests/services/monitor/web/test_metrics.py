@@ -1,11 +1,22 @@
+"""Metrics and health."""
+
+import re
+from pathlib import Path
+from typing import Final
+
 import pytest
+from prometheus_client.parser import text_string_to_metric_families
 
 from bus import BusSettings, open_bus
 from bus.fake import FakeNetwork
 from bus.session.link_use import LinkUse
-from services.monitor.web.metrics import metrics_of
+from services.monitor.alerting.webhooks import Outcome
+from services.monitor.liveness import STALLED_S
+from services.monitor.web.metrics import MAX_LABELLED, metrics_of
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import until
+from tests.services.monitor.web.api.seeing import ODD, fill
+from tests.services.monitor.web.asking import Web, web_in
 from tests.services.monitor.web.serving import monitor_on
 
 
@@ -28,3 +39,91 @@ async def test_links_that_are_nearly_all_taken_are_a_problem_of_the_monitor(monk
         monitor = monitor_on(bus)
         assert monitor.problems() == [LinkUse(9, 10).problem]
         assert "fleetsight_mesh_up 1.0" in (await metrics_of(monitor)).decode()
+
+
+PAGE: Final = Path(__file__).parents[4] / "docs" / "monitor.md"
+
+
+async def test_health_of_a_monitor_that_hears_and_keeps(web: Web) -> None:
+    async with web.stranger() as stranger:
+        answer = await stranger.get("/healthz")
+        assert (answer.status_code, answer.json()) == (200, {"status": "ok"})
+
+
+async def test_a_dead_mesh_is_told_to_all_and_why_to_those_who_are_logged_in(web: Web) -> None:
+    web.monitor.health._heard_s -= 2 * STALLED_S
+    async with web.stranger() as stranger, await web.program() as program:
+        answer = await stranger.get("/healthz")
+        assert (answer.status_code, answer.json()["status"]) == (503, "dead")
+        assert answer.json()["reason"] == "the fleet cannot be heard"
+        reason = "nothing has arrived on the bus for 2"
+        assert (await program.get("/healthz")).json()["reason"].startswith(reason)
+        (problem,) = (await program.get("/api/v1/status")).json()["problems"]
+        assert problem.startswith(reason)
+
+
+async def test_a_history_that_is_not_kept_is_degraded_and_no_more(tmp_path: Path) -> None:
+    (tmp_path / "history.db").mkdir()
+    history = f"sqlite:///{tmp_path / 'history.db'}"
+    async with web_in(tmp_path, history=history) as web, web.stranger() as stranger, await web.program() as program:
+        answer = await stranger.get("/healthz")
+        assert (answer.status_code, answer.json()) == (
+            200,
+            {"status": "degraded", "reason": "", "degraded": ["the history is not being kept"]},
+        )
+        told = (await program.get("/healthz")).json()
+        assert told["degraded"] == ["the history is not being kept"]
+        assert "unable to open database file" in told["details"]["the history is not being kept"]
+
+
+async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: Web) -> None:
+    fill(web.monitor.fleet)
+    web.monitor.fleet.left_out[ODD] += 3
+    web.monitor.alerting._webhooks.counts[ODD, Outcome.DROPPED] += 6
+    async with await web.program() as program:
+        answer = await program.get("/metrics")
+        assert answer.headers["Content-Type"] == "text/plain; version=0.0.4; charset=utf-8"
+        found = {
+            (sample.name, *sample.labels.values()): sample.value
+            for family in text_string_to_metric_families(answer.text)
+            for sample in family.samples
+        }
+        assert found["fleetsight_robot_online", "r1"] == 1
+        assert found["fleetsight_robot_online", "r2"] == 0
+        assert found["fleetsight_gateway_info", "r1", ODD] == 1
+        assert found["fleetsight_worker_info", "detector", "0.9", "w1"] == 1
+        assert found["fleetsight_robot_frames_dropped_total", f"gateway: {ODD}", "r1"] == 4
+        assert found["fleetsight_messages_left_out_total", ODD] == 3
+        assert found["fleetsight_webhook_alerts_total", "dropped", ODD] == 6
+        assert found["fleetsight_worker_frames_inferred_total", "detector", "w1"] == 5
+        assert found["fleetsight_worker_frames_dropped_total", "late", "detector", "w1"] == 2
+
+
+async def test_the_page_of_the_monitor_names_every_metric(web: Web) -> None:
+    fill(web.monitor.fleet)
+    web.monitor.fleet.left_out["malformed messages"] += 1
+    web.monitor.alerting._webhooks.counts["ops", Outcome.GIVEN_UP] += 1
+    async with await web.program() as program:
+        text = (await program.get("/metrics")).text
+    samples = [sample for family in text_string_to_metric_families(text) for sample in family.samples]
+    found = {sample.name: set(sample.labels) for sample in samples}
+    page = PAGE.read_text(encoding="utf-8")
+    named = re.findall(r"^\| `(fleetsight_\w+)` \|([^|]*)\|", page, re.MULTILINE)
+    assert [(name, set(re.findall(r"\w+", labels))) for name, labels in sorted(named)] == sorted(found.items())
+    assert set(re.findall(r"fleetsight_\w+", page)) == found.keys()
+
+
+async def test_a_flood_of_robots_is_no_flood_of_series(web: Web) -> None:
+    for number in range(MAX_LABELLED + 7):
+        web.monitor.fleet.robot_presence(f"r{number}", alive=True)
+    async with await web.program() as program:
+        text = (await program.get("/metrics")).text
+        assert text.count("fleetsight_robot_online{") == MAX_LABELLED
+        assert "fleetsight_unlabelled 7.0" in text
+        assert "# HELP fleetsight_unlabelled Robots, cameras and workers over the limit, without series." in text
+
+
+async def test_metrics_are_open_where_the_settings_say_so(tmp_path: Path) -> None:
+    async with web_in(tmp_path, web_open_metrics=True) as web, web.stranger() as stranger:
+        assert (await stranger.get("/metrics")).status_code == 200
+        assert (await stranger.get("/api/v1/me")).status_code == 401

@@ -1,3 +1,5 @@
+"""Tables whose rows are loaded in windows, and choices in the address."""
+
 import asyncio
 from collections.abc import AsyncIterator
 from functools import partial
@@ -5,7 +7,7 @@ from functools import partial
 import pytest
 from nicegui import Client, core, events, ui
 
-from services.monitor.web.pages.live_table import ROWS, Column, LiveTable, Loaded, RowWindow
+from services.monitor.web.pages.live_table import ROWS, Column, LiveTable, Loaded, RowWindow, address
 
 COUNT = 3 * ROWS
 
@@ -101,3 +103,8 @@ async def test_a_search_that_is_late_writes_over_nothing_that_another_one_found(
     slow.set_result(None)
     await late
     assert (shown.label, shown.first) == ("box", "box0")
+
+
+def test_an_address_has_what_was_chosen_and_nothing_else() -> None:
+    assert address({"search": "r 1&x=<b>", "state": ""}) == "?search=r+1%26x%3D%3Cb%3E"
+    assert address({"search": ""}) == "?"

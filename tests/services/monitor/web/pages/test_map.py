@@ -1,7 +1,15 @@
+"""The key and rows of the map page, and its floor plan."""
+
+from dataclasses import replace
+
+import httpx
+from starlette.applications import Starlette
+
 from services.monitor.liveness import OBJECT_FRESH_NS
 from services.monitor.map.drawing import STALE, colour_of
+from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import MapObject
-from services.monitor.web.pages.map import keys, row
+from services.monitor.web.pages.map import floor_plan_route, keys, row, url_of
 
 NOW = 10**18
 HTML = "<b onclick=x>"
@@ -32,3 +40,16 @@ def test_what_was_not_seen_for_a_while_is_grey() -> None:
 def test_names_are_text() -> None:
     assert HTML not in keys([mark(HTML)], NOW) + row(mark(HTML), NOW)
     assert "&lt;b onclick=x&gt;" in row(mark(HTML), NOW)
+
+
+PLAN = FloorPlan(b"\x89PNG", 3.0, 2.0, 0.0, 0.0, 0.0, ())
+
+
+async def test_its_image_is_fetched_once_and_another_one_has_another_name() -> None:
+    transport = httpx.ASGITransport(Starlette(routes=[floor_plan_route(PLAN)]))
+    async with httpx.AsyncClient(transport=transport, base_url="http://here") as client:
+        answer = await client.get(url_of(PLAN))
+        assert (answer.content, answer.headers["content-type"]) == (PLAN.png, "image/png")
+        assert "immutable" in answer.headers["cache-control"]
+        other = await client.get(url_of(replace(PLAN, png=b"other")))
+        assert other.status_code == 404

@@ -1,0 +1,70 @@
+"""Data shared by all pages."""
+
+import asyncio
+from pathlib import Path
+
+import msgspec
+
+from bus.fake import FakeNetwork
+from schemas.alerts import AlertState
+from services.monitor.history.archive import Archive
+from services.monitor.history.store import Store
+from services.monitor.web.pages.alerts import KeptAlerts
+from services.monitor.web.pages.health import facts
+from services.monitor.web.pages.page_data import PageData
+from services.monitor.web.pages.rows.robots import RobotFilter
+from tests.contract.waiting import until
+from tests.services.monitor.web.pages.rows.test_alerts import ALERT
+from tests.services.monitor.web.serving import monitor_on
+
+
+async def test_all_who_look_at_once_share_what_they_see() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+        monitor.fleet.robot_presence("r1", alive=True)
+        shared = PageData(monitor)
+        survey = await shared.survey()
+        assert await shared.survey() is survey
+        assert await survey.robots(RobotFilter()) == ["r1"]
+        assert (await shared.stock()).entries == ()
+
+
+async def test_why_there_are_none_is_said() -> None:
+    assert "--history none" in (await KeptAlerts(Archive("none")).ended()).problem
+
+
+async def test_only_what_ended_is_found(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path / 'history.db'}"
+    store = await Store.open(url)
+    ended = msgspec.structs.replace(ALERT, id="2", state=AlertState.RESOLVED)
+    await store.write([], [ALERT, ended], 1)
+    await store.close()
+    found = await KeptAlerts(Archive(url)).ended()
+    assert [alert.id for alert in found.alerts] == ["2"]
+    assert found.problem == ""
+
+
+S = 1_000_000_000
+
+
+async def test_a_monitor_says_how_it_is() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+        monitor.fleet.left_out["malformed messages"] += 1_200
+        said = dict(facts(monitor, monitor.started_ns + 65 * S))
+    assert said["Robots join at"] == "tcp/127.0.0.1:7447"
+    assert said["Running for"] == "1 min"
+    assert said["History"] == "not kept: started with --history none"
+    assert said["Rules"] == "none: start with --rules rules.yaml"
+    assert said["Left out"] == "1,200 malformed messages"
+
+
+async def test_a_monitor_whose_database_is_not_there_yet_says_so(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    async with FakeNetwork().open_bus() as bus, asyncio.TaskGroup() as group:
+        monitor = monitor_on(bus, history=f"sqlite:///{tmp_path}/file/history.db")
+        keeping = group.create_task(monitor.history.run())
+        await until(lambda: bool(monitor.history.status.problem))
+        said = dict(facts(monitor, monitor.started_ns))
+        keeping.cancel()
+    assert said["History"].startswith("not kept: ")
