@@ -9,21 +9,12 @@ from schemas.distances import ObjectDistance, Place
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus, WorkerStatus
 from services.monitor import fleet as fleet_module
-from services.monitor.fleet import (
-    DUPLICATE_GATEWAY,
-    LATE_FOR_NS,
-    LATE_NS,
-    MAX_LAG_NS,
-    RATE_WINDOW_S,
-    SLOW_LINK,
-    STALE_S,
-    Age,
-    Fleet,
-    Row,
-)
+from services.monitor.fleet import DUPLICATE_GATEWAY, LATE_FOR_NS, LATE_NS, RATE_WINDOW_S, SLOW_LINK, Age, Fleet, Row
 from services.monitor.inventory import inventory as module
 from services.monitor.inventory.inventory import InventoryFullError, TrustLimits
 from services.monitor.inventory.sighting import Debounce, Sighting
+from services.monitor.liveness import STALE_S
+from services.monitor.robot_clocks import MAX_LAG_NS
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
 

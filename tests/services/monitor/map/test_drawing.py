@@ -4,10 +4,10 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from services.monitor.liveness import OBJECT_FRESH_NS
-from services.monitor.map.drawing import MOST_SHOWN, Bounds, DrawnRobot, colour_of, is_fresh, svg_of
+from services.monitor.map.drawing import MOST_SHOWN, Bounds, colour_of, is_fresh, svg_of
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import MapObject
-from services.monitor.map.pose import Pose
+from services.monitor.map.pose import DrawnRobot, Pose
 
 NOW = 1_000_000_000_000
 BOUNDS = Bounds(-2, -2, 10, 5)
