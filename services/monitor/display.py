@@ -1,7 +1,7 @@
 """The terminal display: a live table on a terminal, changed lines elsewhere.
 
-Whoever reads it may stop reading: it is written aside, and what changed meanwhile is in the next picture. Where it
-cannot be written, as on a full disk, the monitor goes on without it.
+A slow reader blocks nothing: output is written on a daemon thread, and the next picture has all changes. If it cannot
+be written, as on a full disk, the monitor continues without it.
 """
 
 import asyncio
@@ -108,7 +108,7 @@ async def show(fleet: Fleet, console: Console, refresh_s: float, *, note: str, p
     """Show the fleet until cancelled. A failed write is logged once; everything is shown once it succeeds again.
 
     Raises:
-        BrokenPipeError: whoever read it has read enough.
+        BrokenPipeError: the reader closed the output.
     """
 
     def every_trouble() -> list[str]:

@@ -62,7 +62,7 @@ async def in_daemon_thread(act: Callable[[], object]) -> None:
         failed: BaseException | None = None
         try:
             act()
-        except BaseException as error:  # noqa: BLE001 - it belongs to whoever waits
+        except BaseException as error:  # noqa: BLE001 - it is raised where the result is awaited
             failed = error
         with contextlib.suppress(RuntimeError):  # the loop is closed
             loop.call_soon_threadsafe(settle, failed)
@@ -148,7 +148,7 @@ class CachedValue(Generic[V]):
         self._making = asyncio.Lock()
 
     async def get(self) -> V:
-        """Return the value; an error in making it goes to all who waited meanwhile, so that nobody waits twice."""
+        """Return the value; an error in making it goes to all who waited meanwhile, so that none waits twice."""
         asked_s = time.monotonic()
         async with self._making:
             if self._failed is not None and asked_s <= self._failed[0]:

@@ -13,13 +13,13 @@ from bus.settings import port_of
 from services.monitor.settings import MonitorSettings
 
 UNKNOWN: Final = "tcp/MONITOR:7447"
-"""Stands for an address that nobody knows here: scouting finds the router, or the system chose the port."""
+"""Placeholder for an unknown address: scouting finds the router, or the system chose the port."""
 
 SIOCGIFADDR: Final = 0x8915
 """Linux's request for the IPv4 address of a network interface."""
 
 ELSEWHERE: Final = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
-"""Addresses of other machines' that belong to nobody, by RFC 5737 and 3849. Nothing is sent to them."""
+"""Documentation addresses of RFC 5737 and 3849, outside this machine. Nothing is sent to them."""
 
 ALSO_ELSEWHERE: Final = "That is this machine alone. For others, start the monitor with --listen tcp/0.0.0.0:7447."
 
@@ -47,7 +47,7 @@ def how_to_join(settings: MonitorSettings) -> str:
     """Return one line for the terminal that says how others join."""
     if settings.listen or settings.advertise is not None:
         return f"gateways and detectors join with --connect {endpoint_to_join(settings)}"
-    return f"connects to {', '.join(settings.connect) or 'whom scouting finds'}"
+    return f"connects to {', '.join(settings.connect) or 'routers found by scouting'}"
 
 
 def _reachable(endpoint: str) -> str:

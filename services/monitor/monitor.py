@@ -55,7 +55,7 @@ class RobotThereError(Exception):
 class Monitor:
     """Everything in a running monitor. floor_plan: the map's background. started_ns: its start, epoch.
 
-    What is made of the whole fleet (`snapshot`, `inventory`) is made at most every MAX_AGE_S, whoever asks.
+    What is made of the whole fleet (`snapshot`, `inventory`) is made at most every MAX_AGE_S for all callers.
     """
 
     settings: MonitorSettings

@@ -126,15 +126,15 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
                 task.cancel()
 
 
-def _nobody(_: object) -> None:
+def _ignore(_: object) -> None:
     pass
 
 
 async def watch_fleet(
     bus: Bus,
     fleet: Fleet,
-    told: OnChanges = _nobody,
-    measured: Callable[[CameraKey], None] = _nobody,
+    told: OnChanges = _ignore,
+    measured: Callable[[CameraKey], None] = _ignore,
     problems: Problems = tuple,
 ) -> None:
     """Keep `fleet` up to date from the bus, and answer inventory requests, until cancelled.

@@ -160,13 +160,13 @@ class UsersSettings(BaseModel):
     ] = Field(default_factory=default_url)
 
     @model_validator(mode="after")
-    def _gives_a_role_to_somebody(self, info: ValidationInfo) -> Self:
+    def _role_only_where_it_applies(self, info: ValidationInfo) -> Self:
         if self.role is not None and "role" in given_as_options(self, info) and self.task not in {"add", "reset"}:
             raise ValueError(f"{self.task} takes no --role; only add and reset do")
         return self
 
     @model_validator(mode="after")
-    def _gives_days_to_a_token(self, info: ValidationInfo) -> Self:
+    def _days_only_for_a_token(self, info: ValidationInfo) -> Self:
         if "days" in given_as_options(self, info) and self.task != "token":
             raise ValueError(f"{self.task} takes no --days; only token does")
         return self

@@ -232,7 +232,7 @@ def _add(dropped: dict[str, int], where: str, more: Mapping[str, int]) -> None:
 def known_until_ns(alert: Alert, inventory: Inventory, now_ns: int) -> int | None:
     """Return when the condition was last confirmed; None if it is current, resolved, or a silence alert.
 
-    That is when its camera was heard last, or when it was raised where nobody remembers that.
+    That is when its camera was heard last, or, if that is unknown, when it was raised.
     """
     if alert.state is AlertState.RESOLVED or not alert.name:  # only silence alerts have no class
         return None

@@ -184,7 +184,7 @@ class Alerting:
             self._look_at_all = self._look_at_all or engine.has_room_again()
 
     async def _sweep(self, engine: RuleEngine) -> None:
-        """Look at every camera that changed, came, went, began to speak or fell silent; at all if they are due."""
+        """Check every camera that changed, came, went, resumed or fell silent; all of them if they are due."""
         everything, self._look_at_all = self._look_at_all, False
         robots, cameras = self._take_news()
         turned = set(self._availability.advance(time.time_ns(), self._views(cameras)))

@@ -84,7 +84,7 @@ HEARD_S: Final = 10.0
 class ToRobots:
     """Sends messages of one kind to robots, in order per robot.
 
-    patient: a robot's first message waits until somebody listens, but not for long: it has no other chance to be heard.
+    patient: a robot's first message waits for a subscriber, but not for long: it has no other chance to be heard.
     """
 
     def __init__(self, stream: str, schema: type[Alert | Action], *, patient: bool) -> None:

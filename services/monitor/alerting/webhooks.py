@@ -38,7 +38,7 @@ TRY_LATER: Final = frozenset({408, 425, 429})
 
 
 class _Answer(StrEnum):
-    """What came of one post."""
+    """The outcome of one post."""
 
     TAKEN = "taken"
     REFUSED = "refused"
@@ -109,7 +109,7 @@ class _Lane:
 class Webhooks:
     """Posts alerts to any number of webhooks, in order for each. now_s: returns the epoch time.
 
-    A webhook that takes nothing, however often it is tried, is down. What changes meanwhile waits, of each alert as it
+    A webhook that accepts nothing after all tries is down. Changes wait meanwhile, of each alert as it
     stands, and is posted in groups once it is back. counts: alerts by webhook and outcome.
     """
 

@@ -96,7 +96,7 @@ class ClockTrust:
         return self._believe()
 
     def trust(self) -> Correction | None:
-        """Take that somebody who knows says that the clock is right; return as `advance` does.
+        """Trust the clock, as an operator confirmed it; return as `advance` does.
 
         What was kept was kept by a clock that was ahead only if that was set back since, by more than a little.
         """

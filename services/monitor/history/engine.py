@@ -62,7 +62,7 @@ def name_of(engine: AsyncEngine) -> str:
 def private_file(file: Path) -> None:
     """Create a missing SQLite file that only its owner may read: it holds password hashes.
 
-    One that is there is not opened: closing it again would undo the locks of whoever uses it in this process. A link
+    One that is there is not opened: closing it again would release the locks of other users in this process. A link
     counts as the file that it leads to, and is no file itself.
     """
     file.parent.mkdir(parents=True, exist_ok=True)

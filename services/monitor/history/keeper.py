@@ -38,23 +38,23 @@ from services.monitor.map.last_seen import FORGET_NS, SightingMap
 log = logging.getLogger(__name__)
 
 FLUSH_S: Final = 0.5
-"""How long what changed waits to be written; twice that is the most that a kill loses."""
+"""Seconds between two writes; a kill loses at most twice that."""
 
 NOTE_S: Final = 0.5
-"""How often it is noted who came and went, and what models disagree about."""
+"""Seconds between two checks of presence and disagreements."""
 
 RETRY_S: Final = 1.0
 FIRST_GO_S: Final = 3.0
-"""How long a database that is back is left to whoever led until it was gone: they know what became of alerts since."""
+"""Time for which a database that is back is left to its previous leader, which knows the newest state of alerts."""
 
 RESTORE_S: Final = 5.0
-"""How long the database may keep a monitor from beginning."""
+"""Maximum time for which a slow database delays the start of a monitor."""
 
 BATCH: Final = 250
-"""Rows of one transaction: what makes them of intervals holds up everything else for some microseconds each."""
+"""Rows of one transaction; making each of them blocks the event loop for some microseconds."""
 
 FOLLOWED_NS: Final = 2 * round(UNHEARD_S) * NS
-"""How long ago something may have ended that whoever leads has not written: it may be gone without a word."""
+"""Maximum age of changes that a leader may have left unwritten: it may have died without notice."""
 
 
 class HistoryKeeper:
@@ -196,7 +196,7 @@ class HistoryKeeper:
         """Write pending rows; return the seconds until the next attempt."""
         try:
             if self._store is None:
-                # one that was there is waited for: whoever moved it may bring it back, and a new one has no users
+                # a missing file is waited for: it may be moved back, and a new one has no users
                 self._store = await Store.open(self._settings.history, create=not self._had, complete=True)
                 if self._follows and self._problem:
                     self._may_lead_s = time.monotonic() + FIRST_GO_S
@@ -227,7 +227,7 @@ class HistoryKeeper:
     async def _hand_over(self, store: Store) -> None:
         """Write what people did while this monitor alone thought that it led, and that the alerts are over it raised.
 
-        Whoever leads raises what still holds, and knows nothing of these. What became of theirs is theirs to say.
+        The new leader raises the conditions that still hold, and decides about its own alerts.
         """
         forgotten, self._forgotten = self._forgotten, {}
         for robot in filter(self._inventory.is_forgotten, forgotten):
@@ -247,7 +247,7 @@ class HistoryKeeper:
             self._inventory.forget(robot)
 
     async def _go_on(self, store: Store) -> None:
-        """Go on where whoever wrote before stopped."""
+        """Continue where the previous writer stopped."""
         if not await self._upkeep.correct(store):
             return
         await self._upkeep.begin(store)

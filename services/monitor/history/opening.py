@@ -35,7 +35,7 @@ LATER: Final = frozenset(
 LATER_INDEXES: Final = (open_intervals, open_alerts)
 
 ALONE: Final = 0x666C656575
-"""An advisory lock's number, next to that of whoever leads: held for a transaction."""
+"""Number of an advisory lock, next to that of the leader: held for a transaction."""
 
 BEGIN_ALONE: Final = {"sqlite": "BEGIN IMMEDIATE", "postgresql": f"SELECT pg_advisory_xact_lock({ALONE})"}
 
@@ -103,7 +103,7 @@ def _check_tables(connection: Connection, *, create: bool, complete: bool) -> No
     if not makes:
         return
     begin_alone(connection)
-    are_made = _are_made(connection)  # by somebody who was quicker
+    are_made = _are_made(connection)  # by another process, meanwhile
     metadata.create_all(connection)
     for index in LATER_INDEXES:
         index.create(connection, checkfirst=True)  # tables may be there without

@@ -16,10 +16,10 @@ PresenceKey = tuple[str, str]
 """A robot and its camera; the latter is empty for the robot itself."""
 
 MONITOR: Final[PresenceKey] = ("", "")
-"""Where a monitor is while it raises alerts: at no other time is anybody known to be silent."""
+"""The place of a monitor while it raises alerts; silence is known only during such an interval."""
 
 RESTORED_NS: Final = 86_400 * NS
-"""How long ago somebody may have been there, or something in view, for a monitor that begins to miss them."""
+"""Maximum age of a presence, or sighting, that a starting monitor restores and then may miss."""
 
 
 class Presence(StoredInterval, frozen=True, gc=False):

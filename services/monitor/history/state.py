@@ -25,7 +25,7 @@ class HistoryStatus:
     """The status of the history.
 
     problem: why it is not being kept, in words, or empty. leads: this monitor is the one that raises alerts; while the
-    database cannot be asked, that stays as it was, and whoever never could ask it raises them.
+    database is unreachable, that stays as it was; a monitor that never reached it raises them.
     pending: what waits to be written, none while another one leads. lost: intervals given up because too many waited.
     leader: who else leads, as host and process, as far as that is known. warnings: why old history is not forgotten.
     """
@@ -39,10 +39,10 @@ class HistoryStatus:
 
 
 MAX_ALERTS: Final = 10_000
-"""Of how many alerts it is remembered here; the database keeps all."""
+"""Maximum number of alerts whose actions are remembered; the database keeps all."""
 
 MAX_ACTS: Final = 100
-"""What is remembered of one alert, the newest."""
+"""Maximum number of actions remembered per alert, the newest ones."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ def at_other_times(alert: Alert, corrected: Callable[[int], int]) -> Alert:
 
 @dataclass(frozen=True, slots=True)
 class StoredState:
-    """What a database holds of what goes on: of each class the open interval or the last, and unresolved alerts.
+    """The stored state: of each class the open interval or the last one, and unresolved alerts.
 
     acts: what was done with these alerts. going_on: the intervals of every kind that are open. owed: the alerts that
     webhooks, by name, did not take yet.

@@ -60,7 +60,7 @@ from services.monitor.inventory.inventory import MAX_MEMBERS
 from services.monitor.map.pose import Pose
 
 LOCK: Final = 0x666C656574
-"""The advisory lock's number: "fleet", for whoever looks at pg_locks."""
+"""The advisory lock's number: "fleet", as shown in pg_locks."""
 
 UNHEARD_S: Final = 15.0
 """After how long without a word from who leads PostgreSQL lets go of the lock: of a machine that is gone none comes."""

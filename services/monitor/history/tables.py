@@ -39,7 +39,7 @@ schema_version: Final = Table(
 
 
 def _index_of_open(table: Table) -> Index:
-    """However long the history is, what goes on is found at once."""
+    """Return an index that finds open intervals at once, however long the history is."""
     return Index(
         f"{table.name}_open", table.c.since_ns, postgresql_where=table.c.open, sqlite_where=table.c.open == true()
     )
@@ -77,17 +77,17 @@ intervals: Final = _interval_table(
     Column("model", LABEL, nullable=False),
     Column("worker", LABEL, nullable=False),
 )
-"""As long as one class was in view of one camera with one count.
+"""Intervals in which one class was in view of one camera with one count.
 
-open: it goes on; until_ns is then the heartbeat's. first_ns: when the class came into view, with whatever count.
+open: it continues; until_ns is then the heartbeat's. first_ns: when the class came into view, with any count.
 """
 
 open_intervals: Final = next(index for index in intervals.indexes if index.name == "intervals_open")
 
 presence: Final = _interval_table("presence", Column("heard_ns", BigInteger), by_class=False)
-"""As long as a robot's gateway was there, or a camera was spoken for; without a robot: as long as one monitor led.
+"""Intervals in which a robot's gateway was online or a camera was available; without a robot: one monitor led.
 
-heard_ns: when the last class list of a camera came before it was thought silent.
+heard_ns: arrival of the camera's last class list before it fell silent.
 """
 
 disagreements: Final = _interval_table(
@@ -97,7 +97,7 @@ disagreements: Final = _interval_table(
     Column("other_count", BigInteger, nullable=False),
     Column("other_model", LABEL, nullable=False),
 )
-"""As long as two models that looked at one camera counted a class differently; model: the one that spoke for it."""
+"""Intervals in which two models counted a class of a camera differently. model: the primary one."""
 
 poses: Final = Table(
     "poses",
@@ -108,7 +108,7 @@ poses: Final = Table(
     Column("yaw", Float, nullable=False),
     Column("at_ns", BigInteger, nullable=False),
 )
-"""Where each robot was last in the map: metres, and radians from its x axis."""
+"""The last pose of each robot in the map: metres, and radians from its x axis."""
 
 forgotten: Final = Table(
     "forgotten",
@@ -116,7 +116,7 @@ forgotten: Final = Table(
     Column("robot", NAME, primary_key=True),
     Column("at_ns", BigInteger, nullable=False),
 )
-"""When each robot that was gone for good was taken off every list; one that was there since is on them again."""
+"""When each robot was forgotten; one that was online since is listed again."""
 
 clock_doubt: Final = Table(
     "clock_doubt",
@@ -128,7 +128,7 @@ clock_doubt: Final = Table(
 )
 """One row while the monitor's clock is far from when history was kept last, else none: see `Doubt`.
 
-trusted: somebody said since that the clock is right.
+trusted: an operator has confirmed the clock since.
 """
 
 clock_correction: Final = Table(
@@ -150,7 +150,7 @@ heartbeat: Final = Table(
     Column("id", Integer, primary_key=True, autoincrement=False),
     Column("at_ns", BigInteger, nullable=False),
 )
-"""One row: when everything that is open was last known to go on."""
+"""One row: when all open intervals were last known to continue."""
 
 alerts: Final = Table(
     "alerts",
@@ -167,13 +167,13 @@ alerts: Final = Table(
     Column("changed_ns", BigInteger, nullable=False),
     Index("alerts_by_change", "changed_ns"),
 )
-"""Every alert as it stands or ended."""
+"""Every alert in its current or final state."""
 
 UNRESOLVED: Final[ColumnElement[bool]] = alerts.c.state != literal_column("'resolved'")
-"""What finds the alerts that are not resolved. No parameter, so that databases see that their index has them all."""
+"""The condition for unresolved alerts; without a parameter, so that databases use the index."""
 
 open_alerts: Final = Index("alerts_open", alerts.c.changed_ns, postgresql_where=UNRESOLVED, sqlite_where=UNRESOLVED)
-"""However many alerts were resolved, those that were not are found at once."""
+"""Finds unresolved alerts at once, however many were resolved."""
 
 acts: Final = Table(
     "acts",
@@ -183,7 +183,7 @@ acts: Final = Table(
     Column("state", String(16), primary_key=True),
     Column("who", NAME, nullable=False),
 )
-"""What people did with alerts."""
+"""Operators' actions on alerts."""
 
 webhook_backlog: Final = Table(
     "webhook_backlog",
@@ -192,7 +192,7 @@ webhook_backlog: Final = Table(
     Column("alert_id", NAME, primary_key=True),
     Column("changed_ns", BigInteger, nullable=False),
 )
-"""The alerts that webhooks, by the names of the rule file, did not take yet."""
+"""Alerts that webhooks, by their names in the rule file, have not accepted yet."""
 
 users: Final = Table(
     "users",
@@ -202,7 +202,7 @@ users: Final = Table(
     Column("password", Text, nullable=False),
     Column("changed_ns", BigInteger, nullable=False),
 )
-"""Who may log in. password: its argon2 hash."""
+"""The users. password: argon2 hash."""
 
 logins: Final = Table(
     "logins",
@@ -214,4 +214,4 @@ logins: Final = Table(
     Column("until_ns", BigInteger, nullable=False),
     Index("logins_by_user", "user"),
 )
-"""Sessions and tokens that are good until then. digest: SHA-256, in hexadecimal, of what shows that one has it."""
+"""Sessions and tokens, valid until `until_ns`. digest: hexadecimal SHA-256 of the secret."""

@@ -26,8 +26,8 @@ _NAME: Final = attrgetter("name")
 class CameraView:
     """One camera's sightings. The first model heard is primary until it has been silent for a while.
 
-    views: by model, those that may speak. opinions: by model, those that never do. vocabularies: read as they are when
-    models are compared.
+    views: by model, those that may be primary. opinions: by model, those that never are. vocabularies: read when models
+    are compared.
     """
 
     __slots__ = ("_distance_order", "_opined_ns", "_vocabularies", "key", "lost", "opinions", "primary", "views")
@@ -60,7 +60,7 @@ class CameraView:
     def see(self, seen: ClassList, at_ns: int, debounce: Debounce, silent_ns: int, lost_ns: int) -> list[Change] | None:
         """Take a class list; return None if it is a duplicate or late.
 
-        silent_ns: how long the model that speaks may say nothing before another one speaks for the camera.
+        silent_ns: silence of the primary model after which another one becomes primary.
         lost_ns: after how long without a list what was in view is given up.
         """
         view = self.views.get(seen.model)

@@ -30,7 +30,7 @@ class InventoryFullError(Exception):
 class TrustLimits:
     """Debouncing and time limits for trusting cameras, in nanoseconds.
 
-    stale_ns: how old a camera's newest list may be for what it shows to be available, and for its model to speak.
+    stale_ns: how old a camera's newest list may be for its view to be available, and for its model to stay primary.
     lost_ns: how long nothing may come before it is not known any more what is in view.
     """
 
@@ -178,7 +178,7 @@ class Inventory:
     def restore(self, sightings: Iterable[Sighting]) -> None:
         """Take stored sightings, before anything else is taken; those over the limits are left out.
 
-        The model of the newest one speaks for a camera, as after one that went silent, and goes on with all of them.
+        The model of the newest one becomes primary, as after a silent one, and continues all of them.
         """
         for sighting in sorted(sightings, key=_newness, reverse=True):
             if sighting.key in self._cameras or len(self._cameras) < MAX_MEMBERS:

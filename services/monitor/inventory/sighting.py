@@ -43,8 +43,8 @@ class ChangeKind(StrEnum):
 class Change(msgspec.Struct, frozen=True, gc=False):
     """A change of a sighting.
 
-    first_look: it was there when somebody began to look, nobody saw it come. closest_m: the nearest that any came while
-    the count was the one before.
+    first_look: it was in view in the first lists, so its arrival was not seen. closest_m: the nearest distance
+    during the previous count.
     """
 
     kind: ChangeKind

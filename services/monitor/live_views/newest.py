@@ -13,8 +13,8 @@ from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.keys import Stream, StreamKey
 from schemas.objects import ObjectClouds
+from services.monitor.live_views.robot_poses import robots
 from services.monitor.live_views.shared import SharedSubscriptions
-from services.monitor.map.following import robots
 from services.monitor.map.last_seen import LastPoses
 
 MOST_STREAMS: Final = 64

@@ -51,7 +51,7 @@ class SharedSubscriptions(Generic[K, S]):
 
         Raises:
             CrowdedError: too many other keys are held.
-            Exception: what ended `follow`; to whoever leaves last.
+            Exception: the error that ended `follow`; raised in the last holder.
         """
         holding = self._holdings.get(key) or self._begin(key)
         holding.holders += 1

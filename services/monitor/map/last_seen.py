@@ -172,7 +172,7 @@ class _Known:
 class LastPoses:
     """The newest pose of every robot; kept, once out of date, for as long as objects are.
 
-    is_forgotten: whether nobody misses a robot, however lately its pose was known.
+    is_forgotten: whether a robot was forgotten, whatever the age of its pose.
     """
 
     def __init__(self, is_forgotten: Callable[[str], bool] = lambda _: False) -> None:

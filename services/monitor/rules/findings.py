@@ -90,7 +90,7 @@ def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:
     """Yield a rule's findings for a camera; none for unknown facts.
 
     That something came or went is found in changes, see `found_in`. That it is over is found here too: of what went,
-    or came back, while nobody spoke for the camera there is no change.
+    or came back, while the camera was unavailable there is no change.
     """
     match rule:
         case AppearsRule() | DisappearsRule():

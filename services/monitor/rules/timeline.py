@@ -60,7 +60,7 @@ FOREVER_NS: Final = 2**63 - 1
 class Step:
     """The beginning or end of a period. unseen: it was not observed, as the camera was not live before, or since.
 
-    of: None where a monitor knows who is there, and looks at everybody.
+    of: None where a monitor knows the presence of all members, and checks them.
     """
 
     at_ns: int

@@ -1,1 +1,1 @@
-"""The monitor's web server: log-in, HTTP API, live data, metrics; the page itself is services.monitor.web.pages."""
+"""The monitor's web server: log-in, HTTP API, live data, metrics, and the pages, which nicegui makes."""

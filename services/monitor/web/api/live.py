@@ -178,7 +178,7 @@ class LiveClient:
     def news(self, now: str, current: Mapping[Topic, Mapping[Name, Item]]) -> str:
         """Return the changes as JSON, and mark them as sent; empty if there are none.
 
-        That there is nothing of a topic is news, too, once. Of one that is not in `current` nothing is known.
+        An empty topic is sent once. A topic that is not in `current` is unknown.
         """
         known = [(topic, current[topic]) for topic in self._sent if topic in current]
         parts = [part for topic, items in known if (part := self._news_of(topic, items))]

@@ -63,7 +63,7 @@ class RequestInfo:
 class ServedAt:
     """Our own address. origin: that of a proxy in front, like https://fleet.example, or empty.
 
-    hosts: what we are called, without ports; any name if it is empty. open_metrics: anybody may read them.
+    hosts: allowed host names, without ports; any if empty. open_metrics: they need no token.
     """
 
     origin: str = ""

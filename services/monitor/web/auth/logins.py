@@ -1,4 +1,4 @@
-"""The logged-in users, kept in memory too, so that a missing database locks nobody out."""
+"""The logged-in users, kept in memory too, so that log-in works while the database is missing."""
 
 import asyncio
 import hmac

@@ -29,7 +29,7 @@ class Passwords:
         self._hasher = PasswordHasher(time_cost=ITERATIONS, memory_cost=MEMORY_KIB, parallelism=1)
         self._turn = asyncio.Lock()
         self._waiting = 0
-        self._nobodys = ""
+        self._dummy_hash = ""
 
     async def hash(self, password: str) -> str:
         """Return the salted hash of a password.
@@ -60,10 +60,10 @@ class Passwords:
     def _work(self, password: str, hashed: str | None) -> str:
         if hashed is None:
             return self._hasher.hash(password)
-        if not self._nobodys:
-            self._nobodys = self._hasher.hash("")
+        if not self._dummy_hash:
+            self._dummy_hash = self._hasher.hash("")
         try:
-            self._hasher.verify(hashed or self._nobodys, password)
+            self._hasher.verify(hashed or self._dummy_hash, password)
         except (VerificationError, InvalidHashError):
             return ""
         return hashed

@@ -14,9 +14,9 @@ from starlette.routing import Route
 from services.monitor.formats import natural
 from services.monitor.join_address import endpoint_to_join
 from services.monitor.live_views.newest import LiveViews
+from services.monitor.live_views.robot_poses import MOST_ROBOTS, HeldRobots
 from services.monitor.map.drawing import MOST_SHOWN, STALE, Bounds, colour_of, is_fresh, svg_of
 from services.monitor.map.floor_plan import FloorPlan
-from services.monitor.map.following import MOST_ROBOTS, HeldRobots
 from services.monitor.map.last_seen import LastPoses, MapObject
 from services.monitor.map.pose import Pose, Whereabouts
 from services.monitor.monitor import Monitor

@@ -93,7 +93,7 @@ class _Overview:
                 COLUMNS, self._load, row_key="robot", sort="state", body=ROBOT_BODY, card=ROBOT_CARD
             )
             self._table.table.on("forget", self._forget)
-            self._nobody = nobody_yet(monitor)
+            self._no_robots = no_robots_yet(monitor)
             self._none = nothing_yet(
                 "search_off", "No robot matches", "Clear the search, or choose another state above."
             )
@@ -125,7 +125,7 @@ class _Overview:
         every = survey.size
         self._figures.show(survey, self._wanted.state)
         self._found.set_text(f"{found:,} of {every:,} robots" if found != every else "")
-        self._nobody.set_visibility(not every)
+        self._no_robots.set_visibility(not every)
         self._none.set_visibility(bool(every) and not found)
 
     async def _forget(self, event: events.GenericEventArguments) -> None:
@@ -150,7 +150,7 @@ class _Overview:
         await self._table.begin()
 
 
-def nobody_yet(monitor: Monitor) -> ui.html:
+def no_robots_yet(monitor: Monitor) -> ui.html:
     """Add a notice that no robot has joined, and how to start one; return it."""
     endpoint = endpoint_to_join(monitor.settings)
     return nothing_yet(

@@ -16,7 +16,7 @@ from services.monitor.monitor import Monitor
 from services.monitor.web.auth.users import Visitor
 from services.monitor.web.pages.components import WALL, still
 from services.monitor.web.pages.frame import REFRESH_S, page_at, page_frame
-from services.monitor.web.pages.overview import nobody_yet
+from services.monitor.web.pages.overview import no_robots_yet
 from services.monitor.web.pages.page_data import PageData
 from services.monitor.web.pages.rows.alerts import doubt_of, severity_figures
 from services.monitor.web.pages.rows.formatting import NOTHING
@@ -77,12 +77,12 @@ class _Wall:
                 still("fleet<b>sight</b>", tag="span")
             self._figures = still("").classes("fs-figures")
         with ui.element("div").classes("fs-panel fs-wall-panel"):
-            self._which_needs = _head("Needs somebody")
+            self._which_needs = _head("Needs attention")
             self._needs = still("")
         with ui.element("div").classes("fs-panel fs-wall-panel fs-rest"):
             self._which_robots = _head("Robots")
             self._robots = still("").classes("fs-cells")
-            self._nobody = nobody_yet(monitor)
+            self._no_robots = no_robots_yet(monitor)
         ui.on(EVENT, self._take_room)
         ui.run_javascript(TELL)
         ui.timer(REFRESH_S, self.refresh, immediate=False)
@@ -99,7 +99,7 @@ class _Wall:
         self._show_needs(survey, pressing(alerts or (), lost), unknown, turn)
         self._show_robots(survey, there, turn)
         self._robots.set_visibility(survey.size > 0)
-        self._nobody.set_visibility(not survey.size)
+        self._no_robots.set_visibility(not survey.size)
 
     async def _alerts(self) -> tuple[Sequence[Alert] | None, str]:
         """Return the open alerts; else None, and why they are unknown."""

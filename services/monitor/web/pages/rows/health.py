@@ -159,7 +159,7 @@ GATEWAY_BODY: Final = f"""
       <span class="fs-muted">{{{{ stream.compression }}}}</span></q-td>
     <q-td class="text-right">{STREAM_DROPPED}</q-td>
     <q-td class="fs-wide">{{{{ stream.served }}}} <span class="fs-muted" v-if="props.row.live && !stream.wanted"
-      >nobody asks for it</span></q-td>
+      >not requested</span></q-td>
   </template>
   <q-td v-else colspan="6" class="fs-muted">it offers no streams</q-td>
 </q-tr>

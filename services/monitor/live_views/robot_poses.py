@@ -1,4 +1,4 @@
-"""Follows the transforms of the robots on maps that are open."""
+"""The poses of watched robots: their transforms are subscribed to while a page shows the map."""
 
 import asyncio
 import logging

@@ -1,3 +1,5 @@
+"""Poses of robots that a page watches."""
+
 import asyncio
 from collections.abc import Callable
 
@@ -7,8 +9,8 @@ from bus.fake import FakeNetwork
 from schemas import codec, consumer_keys
 from schemas.keys import RobotStreamKey
 from schemas.transforms import Transforms
+from services.monitor.live_views.robot_poses import HeldRobots, Robots, robots
 from services.monitor.live_views.shared import SharedSubscriptions
-from services.monitor.map.following import HeldRobots, Robots, robots
 from services.monitor.map.pose import Pose, Whereabouts
 from tests.services.monitor.map.test_pose import message, transform
 
