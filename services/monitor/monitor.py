@@ -152,7 +152,7 @@ class Monitor:
     def trust_clock(self, by: str) -> None:
         """Trust this machine's clock. by: a user's name."""
         self.history.trust_clock()
-        log.info("%s says that the clock of this machine is right", by)
+        log.info("%s confirmed the clock of this machine", by)
 
     def problems(self) -> list[str]:
         """Return the monitor's own problems, in lines."""

@@ -208,7 +208,7 @@ class Webhooks:
             if alert not in lane.backlog:
                 return
         lane.backlog.fold()
-        log.warning("webhook %s is down: it is told what is open once it is back", lane.name)
+        log.warning("webhook %s is down: it gets the alerts that changed once it is back", lane.name)
         await asyncio.sleep(self._down_wait_s * _jitter())
 
     async def _post_group(self, lane: _Lane) -> None:
@@ -264,7 +264,7 @@ def _jitter() -> float:
 
 
 async def _try(client: httpx.AsyncClient, url: str, post: Post) -> tuple[_Answer, str]:
-    """Post once; return what came of it, and why it was not taken, empty if it was."""
+    """Post once; return the outcome, and why it was refused, empty if accepted."""
     try:
         # the answer's body is left alone: it may have no end
         async with client.stream("POST", url, content=post.body, headers=dict(post.headers)) as response:

@@ -12,7 +12,7 @@ from services.monitor.inventory.sighting import NS
 DAY_NS: Final = 86_400 * NS
 
 FAR_NS: Final = 7 * DAY_NS
-"""How far the clock may be from when history was kept last, for instance since the monitor was off, to be believed."""
+"""Maximum distance of the clock from the last write, for instance since the monitor was off, to be trusted."""
 
 CURE: Final = "set the clock, or, if it is right, run `fleetsight history trust-clock`"
 
@@ -64,7 +64,7 @@ class _Reading:
 class ClockTrust:
     """Follows this machine's clock. steady_ns: of a clock that is never set and runs while the machine sleeps.
 
-    doubt: why the clock is not believed, None while it is.
+    doubt: why the clock is not trusted, None while it is.
     """
 
     def __init__(self, far_ns: int = FAR_NS) -> None:
@@ -77,7 +77,7 @@ class ClockTrust:
     def begin(self, kept_ns: int, doubt: Doubt | None, steady_ns: int) -> None:
         """Take the time of the last write, 0 if never, and why an earlier monitor doubted the clock.
 
-        A monitor that has believed its clock already goes by that: the database may have been gone for long.
+        A monitor that has trusted its clock before keeps to that: the database may have been gone for long.
         """
         if self._believed is None and (kept_ns or doubt):
             self._believed = _Reading(kept_ns if doubt is None else doubt.believed_ns, steady_ns)

@@ -69,7 +69,7 @@ class Upkeep:
         if self._clock.doubt is None and doubted is not None:
             await store.end_clock_doubt(correction)
             self._is_corrected = False
-            log.info("the clock of this machine is believed again")
+            log.info("the clock of this machine is trusted again")
         self._believed_ns = 0 if self._clock.doubt is not None else now_ns
         self._looked.set()
         return correction

@@ -120,7 +120,7 @@ class Access:
             return self._wrong("the users cannot be read", error)
         is_first, self._users = self._users is None, {user.name: user for user in users}
         if is_first and self.needs_setup:
-            log.info("nobody can log in yet; make the first user at %s", self.invitation)
+            log.info("no users yet: create the first one at %s", self.invitation)
         known = {login.digest: login for login in logins if login.digest not in self._ended}
         mine = {digest: login for digest, login in self._prolonged.items() if digest in known}
         self._logins = {**known, **mine, **self._made}
