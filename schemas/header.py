@@ -1,4 +1,4 @@
-"""Header: the frame that a message is about, and its times."""
+"""Header: the frame that a message is about, and its times; and the order of frames. Pure: time is an argument."""
 
 from typing import Annotated, Final
 
@@ -41,11 +41,6 @@ class Header(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     received_ns: Nanoseconds
 
 
-def is_newer(header: Header, last: Header | None) -> bool:
-    """Return whether a frame is newer than the last one taken of its stream, or comes from a new gateway process."""
-    return last is None or header.boot_id != last.boot_id or header.seq > last.seq
-
-
 def gap(last: int, number: int) -> int:
     """Return the number of missing frames between two; 0 if counting has restarted."""
     missing = number - last - 1
@@ -54,3 +49,104 @@ def gap(last: int, number: int) -> int:
 
 Spans = dict[Annotated[str, msgspec.Meta(max_length=32)], Count]
 """Time spent per stage, in nanoseconds, each on the clock of the machine that spent it."""
+
+
+MAX_BOOTS: Final = 4
+"""Maximum number of a gateway's processes remembered; messages of a replaced one are late."""
+
+QUIET_NS: Final = 3_000_000_000
+"""Silence of the newest process after which a replaced one is accepted again: it is the only one running.
+
+Frames of the newest process that are late for as long, each newer than the one before, while none is newer than all,
+are accepted too: their count is the one that goes on.
+"""
+
+LONGEST_PAUSE_NS: Final = 10_000_000_000
+"""Time without a late frame after which the next one begins anew: publishers send kept frames again, in bursts."""
+
+
+class FrameOrder:
+    """Knows the newest frame of one stream, by the gateway's process and number: stamps repeat when bags loop.
+
+    A number alone is not trusted for long. One message with a number far ahead, from a fault or from somebody who
+    speaks for the robot, would make every later frame an old one, for ever. late, implausible: how many were refused.
+
+    late: older than the newest one, or the same again. implausible: more than LONGEST_GAP ahead of it; when the next
+    one goes on from there, the count is believed.
+    """
+
+    __slots__ = (
+        "_ahead",
+        "_at_ns",
+        "_boot_id",
+        "_late_at_ns",
+        "_late_seq",
+        "_late_since_ns",
+        "_outlived",
+        "_seq",
+        "implausible",
+        "late",
+    )
+
+    def __init__(self) -> None:
+        self._boot_id = ""
+        self._seq = -1
+        self._at_ns = 0
+        self._outlived: tuple[tuple[str, int], ...] = ()
+        self._ahead = -1
+        self._late_seq = -1
+        self._late_since_ns = 0
+        self._late_at_ns = 0
+        self.late = 0
+        self.implausible = 0
+
+    def take(self, header: Header, at_ns: int) -> bool:
+        """Return whether a frame that came at `at_ns` is newer than all before it, and remember it."""
+        newer = self.admits(header, at_ns)
+        if newer:
+            self.note(header, at_ns)
+        return newer
+
+    def admits(self, header: Header, at_ns: int) -> bool:
+        """Return whether a frame that came at `at_ns` is newer than all before it; count it if it is not."""
+        if header.boot_id != self._boot_id:
+            newer = self._is_of_a_living_process(header, at_ns)
+        elif header.seq > self._seq:
+            return self._is_plausible(header.seq)
+        else:
+            newer = self._goes_on(header.seq, at_ns)
+        self.late += not newer
+        return newer
+
+    def note(self, header: Header, at_ns: int) -> None:
+        """Remember a frame as the newest."""
+        if header.boot_id != self._boot_id:
+            others = [each for each in self._outlived if each[0] != header.boot_id]
+            self._outlived = ((self._boot_id, self._seq), *others)[: MAX_BOOTS - 1]
+            self._boot_id = header.boot_id
+        self._seq, self._at_ns = header.seq, at_ns
+        self._ahead = self._late_seq = -1
+
+    def set_back(self, now_ns: int) -> None:
+        """Cap all times at now: the clock was set back."""
+        self._at_ns = min(self._at_ns, now_ns)
+        self._late_since_ns = min(self._late_since_ns, now_ns)
+        self._late_at_ns = min(self._late_at_ns, now_ns)
+
+    def _is_of_a_living_process(self, header: Header, at_ns: int) -> bool:
+        last_seq = dict(self._outlived).get(header.boot_id)
+        return last_seq is None or (header.seq > last_seq and at_ns - self._at_ns > QUIET_NS)
+
+    def _is_plausible(self, seq: int) -> bool:
+        if seq - self._seq <= LONGEST_GAP or 0 <= self._ahead < seq <= self._ahead + LONGEST_GAP:
+            return True
+        self._ahead = seq
+        self.implausible += 1
+        return False
+
+    def _goes_on(self, seq: int, at_ns: int) -> bool:
+        """Return whether late frames are those that go on: for QUIET_NS each newer than the last, and no others."""
+        if self._late_seq < 0 or seq <= self._late_seq or at_ns - self._late_at_ns > LONGEST_PAUSE_NS:
+            self._late_since_ns = at_ns
+        self._late_seq, self._late_at_ns = seq, at_ns
+        return at_ns - max(self._late_since_ns, self._at_ns) > QUIET_NS

@@ -1,6 +1,7 @@
 """Passes one Zenoh key to ROS: checks messages and counts each one."""
 
 import logging
+import time
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from bus import LATEST, QUEUE
 from bus.api import Latest, Queue
 from schemas import codec
 from schemas.errors import SchemaError
-from schemas.header import MAX_LABEL, Header, is_newer
+from schemas.header import MAX_LABEL, FrameOrder, Header
 from schemas.keys import CameraKey, RobotStreamKey, StreamKey, owner_of
 from schemas.status import ReturnStatus
 
@@ -56,16 +57,16 @@ class NewerFrames:
 
     def __init__(self, camera: CameraKey) -> None:
         self._camera = camera
-        self._last: Header | None = None
+        self._order = FrameOrder()
 
     def is_new(self, result: Framed) -> bool:
         """Return whether a result is of a newer frame, or of another gateway process."""
         codec.check_identity(result.header, self._camera)
-        return is_newer(result.header, self._last)
+        return self._order.admits(result.header, time.monotonic_ns())
 
     def remember(self, result: Framed) -> None:
         """Note the result's frame."""
-        self._last = result.header
+        self._order.note(result.header, time.monotonic_ns())
 
 
 class UnseenMessages(Generic[A_contra]):

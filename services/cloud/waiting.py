@@ -7,7 +7,7 @@ from typing import Final
 from bus.sharing.tally import Tally
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detections
-from schemas.header import Header, is_newer
+from schemas.header import FrameOrder, Header
 from schemas.points import PointCloud
 from schemas.transforms import Transforms
 from services.geometry.errors import TooNewError, TransformError
@@ -62,7 +62,7 @@ class CloudJoiner:
         self._target = target
         self._clouds: Joiner[PointCloud] = Joiner(POINTS, tolerance_ns=tolerance_ns, budget=budget)
         self._waiting: deque[tuple[Detections, float]] = deque()
-        self._newest: Header | None = None
+        self._order = FrameOrder()
         self.tree = TransformTree(budget=budget)
         self.info: CameraInfo | None = None
 
@@ -73,13 +73,12 @@ class CloudJoiner:
 
     def detections(self, found: Detections, now_s: float) -> None:
         """Add detections newer than the last; at a take-over one of two workers may lag behind."""
-        if not is_newer(found.header, self._newest):
+        if not self._order.take(found.header, round(now_s * 1e9)):
             self._account.dropped[DOUBLE] += 1
             return
         if len(self._waiting) >= MAX_WAITING:
             self._drop(1)
         self._waiting.append((found, now_s))
-        self._newest = found.header
 
     def points(self, cloud: PointCloud) -> None:
         """Add points; they are kept for the detections of their instant. Those without a stamp have none."""

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import time
 from collections import Counter
 from collections.abc import Callable
 from typing import Final, TypeVar
@@ -12,7 +13,7 @@ from bus.sharing.tally import Tally
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.errors import SchemaError
-from schemas.header import Header, is_newer
+from schemas.header import FrameOrder, Header
 from schemas.image import ImageFrame
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream
 from schemas.transforms import Transforms
@@ -31,15 +32,12 @@ class DetectionCounts(Tally):
 
     def __init__(self, camera: CameraKey) -> None:
         super().__init__(camera)
-        self._last: Header | None = None
+        self._order = FrameOrder()
 
     def is_new(self, header: Header) -> bool:
         """Return whether an image is newer than the last; at a take-over one of two workers may lag behind."""
-        new = is_newer(header, self._last)
-        if new:
-            self._last = header
-        else:
-            self.dropped[DOUBLE] += 1
+        new = self._order.take(header, time.monotonic_ns())
+        self.dropped[DOUBLE] += not new
         return new
 
     def malformed(self, what: str) -> None:

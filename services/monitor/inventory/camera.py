@@ -8,9 +8,10 @@ from typing import Final
 from schemas import worker_keys
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances, ObjectDistance
+from schemas.header import FrameOrder
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change, ChangeKind, Debounce, Sighting
-from services.monitor.inventory.view import MAX_CLASSES, FrameOrder, ModelView, Tracked, Vocabularies
+from services.monitor.inventory.view import MAX_CLASSES, ModelView, Tracked, Vocabularies
 from services.monitor.liveness import is_view_current
 
 MAX_MODELS: Final = 4
