@@ -142,6 +142,7 @@ class Fleet:
         self.ages_s: deque[float] = deque(maxlen=MAX_AGES)
         self.first_list_s: float | None = None
         self.class_lists = 0
+        self.refused_lists = 0
         self.left_out: Counter[str] = Counter()
         self._changed: set[CameraKey] = set()
         self._duplicates = DuplicateGateways()
@@ -195,6 +196,7 @@ class Fleet:
         lag_ns = self._lag_ns(seen.header, received_ns)
         changes = self.inventory.see(seen, received_ns - (lag_ns or 0))
         if changes is None:
+            self.refused_lists += 1
             return None
         self.class_lists += 1
         camera = self._camera(key)

@@ -65,6 +65,11 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     yield CounterMetricFamily(
         "fleetsight_class_lists", "Class lists received, without duplicates.", monitor.fleet.class_lists
     )
+    yield CounterMetricFamily(
+        "fleetsight_class_lists_refused",
+        "Class lists that came again, late, or with a number out of order.",
+        monitor.fleet.refused_lists,
+    )
     yield CounterMetricFamily("fleetsight_history_lost", "History intervals dropped.", history.lost)
     yield GaugeMetricFamily("fleetsight_leads", "1 while this monitor raises the alerts.", history.leads)
     yield GaugeMetricFamily("fleetsight_rules", "Rules in force.", len(monitor.rules.book.rules))
