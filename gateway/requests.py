@@ -23,9 +23,9 @@ from gateway.ros1.tcpros.service_client import (
 from gateway.ros1.wire.tcpros import ANY, TopicType
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
-from schemas.clock import ClockReading
 from schemas.errors import SchemaError
 from schemas.ros import MAX_ANSWER_TEXT, ServiceRequest, ServiceResponse
+from schemas.status import ClockReading
 
 
 def clock_handler(robot: str, boot_id: str, ros_ns: Callable[[], int | None]) -> Handler:

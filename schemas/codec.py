@@ -10,9 +10,8 @@ from schemas import keys
 from schemas.alerts import Action, Alert
 from schemas.budget import RateBudget
 from schemas.camera_info import CameraInfo
-from schemas.clock import ClockReading
 from schemas.detections import ClassList, Detections
-from schemas.distances import Distances
+from schemas.distances import CameraView, Distances
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
@@ -20,9 +19,10 @@ from schemas.inventory import InventoryAnswer, InventoryRequest
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.ros import RawMessage, ServiceRequest, ServiceResponse, Text
-from schemas.status import GatewayStatus, WorkerStatus
+from schemas.status import ClockReading, GatewayStatus, WorkerStatus
 from schemas.transforms import Transforms
 from schemas.tuning import Tuning
+from schemas.world import FloorLooks, NearbyObjects, SiteStatus, WorldAnswer, WorldChanges, WorldRequest
 
 Message = (
     ImageFrame
@@ -34,6 +34,7 @@ Message = (
     | Detections
     | ClassList
     | Distances
+    | CameraView
     | ObjectClouds
     | Alert
     | Action
@@ -46,6 +47,12 @@ Message = (
     | Tuning
     | InventoryRequest
     | InventoryAnswer
+    | WorldChanges
+    | NearbyObjects
+    | SiteStatus
+    | FloorLooks
+    | WorldRequest
+    | WorldAnswer
 )
 M = TypeVar("M", bound=Message)
 
@@ -61,6 +68,7 @@ MAX_BYTES: Final[dict[type, int]] = {
     Detections: 16 * KIB * KIB,
     ClassList: 256 * KIB,
     Distances: 16 * KIB * KIB,
+    CameraView: 1024 * KIB,
     ObjectClouds: 64 * KIB * KIB,
     Alert: 64 * KIB,
     Action: 512 * KIB,
@@ -73,6 +81,12 @@ MAX_BYTES: Final[dict[type, int]] = {
     Tuning: 1024 * KIB,
     InventoryRequest: 64 * KIB,
     InventoryAnswer: 16 * KIB * KIB,
+    WorldChanges: 4 * KIB * KIB,
+    NearbyObjects: 4 * KIB * KIB,
+    SiteStatus: 1024 * KIB,
+    FloorLooks: 4 * KIB * KIB,
+    WorldRequest: 64 * KIB,
+    WorldAnswer: 16 * KIB * KIB,
 }
 """Maximum payload size per message type, checked before a byte of it is read."""
 

@@ -1,4 +1,4 @@
-"""Distances: the distances and positions of the objects of one image."""
+"""Distances: the distances and positions of the objects of one image. CameraView: the same for a model of the world."""
 
 from typing import Annotated, Final
 
@@ -7,7 +7,7 @@ import msgspec
 from schemas.detections import MAX_DETECTIONS, Index
 from schemas.errors import SchemaError
 from schemas.header import Count, Header, Label, Spans
-from schemas.space import Distance, Length, Share, Vector
+from schemas.space import Coordinate, Distance, Length, Share, Vector
 
 MAX_PLACES: Final = 4
 
@@ -90,3 +90,101 @@ def check_known(what: str, *, known: bool, unknown: str) -> None:
     """Raise SchemaError unless exactly one is given: the value, or the reason why it is unknown."""
     if known == bool(unknown):
         raise SchemaError(f"{what} is {'known, and unknown' if known else 'neither known nor unknown'}")
+
+
+REACHES: Final = 12
+"""Directions in which the reach of an object is given, 30 degrees apart."""
+
+MAX_GRID: Final = 16_384
+Millimetres = Annotated[int, msgspec.Meta(ge=0, le=2**31 - 1)]
+Cells = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
+
+
+class ViewedObject(msgspec.Struct, frozen=True, kw_only=True):
+    """One object of a view that has depth: the part of its surface that is seen.
+
+    name, score, index, track: of its detection. box: left, top, right and bottom in cells of the view's grid.
+    depth_m: robust distance along the optical axis. spread_m: robust standard deviation of it.
+    at: the middle of its visible surface in the view's frame, metres. reach_mm: how far the surface reaches from there
+    in REACHES level directions, the first along the frame's x axis, the others counter-clockwise. low_m, high_m: the
+    height of its lowest and highest reading in the frame.
+    """
+
+    name: Label
+    score: Share
+    index: Index
+    track: Count | None = None
+    box: tuple[Cells, Cells, Cells, Cells]
+    depth_m: Distance
+    spread_m: Length
+    at: Vector
+    reach_mm: Annotated[list[Millimetres], msgspec.Meta(min_length=REACHES, max_length=REACHES)]
+    low_m: Coordinate
+    high_m: Coordinate
+
+
+class DepthGrid(msgspec.Struct, frozen=True, kw_only=True):
+    """How far a camera sees, coarsely: columns x rows cells of a pinhole camera's image, row by row from the top left.
+
+    fx, fy, cx, cy: the pinhole's, in cells, (0, 0) being the upper left corner of the first one: a point (x, y, z) of
+    the optical frame is in column floor(fx * x / z + cx). near_mm, far_mm: a little-endian uint16 a cell each:
+    millimetres along the optical axis, so that four fifths of the cell's readings are farther than `near_mm`, and four
+    fifths nearer than `far_mm`; 0 where less than half of the cell has a reading. Views into the received payload.
+    """
+
+    columns: Annotated[int, msgspec.Meta(ge=1, le=MAX_GRID)]
+    rows: Annotated[int, msgspec.Meta(ge=1, le=MAX_GRID)]
+    fx: Annotated[float, msgspec.Meta(gt=0, le=1e6)]
+    fy: Annotated[float, msgspec.Meta(gt=0, le=1e6)]
+    cx: Cells
+    cy: Cells
+    near_mm: memoryview
+    far_mm: memoryview
+
+    def __post_init__(self) -> None:
+        """Check the number of cells.
+
+        Raises:
+            SchemaError: there are too many, or not as many depths.
+        """
+        count = self.columns * self.rows
+        if count > MAX_GRID:
+            raise SchemaError(f"a grid of {count} cells, at most {MAX_GRID} are carried")
+        if (self.near_mm.nbytes, self.far_mm.nbytes) != (2 * count, 2 * count):
+            raise SchemaError(f"{self.near_mm.nbytes} and {self.far_mm.nbytes} bytes for {count} cells")
+
+
+class CameraView(msgspec.Struct, frozen=True, kw_only=True):
+    """The objects of one colour image in a frame that does not move, and how far the camera saw: a few kilobytes.
+
+    The header is that image's. frame_id: the frame of all positions, such as `map`. position, rotation: the camera's
+    optical frame there at the stamp, metres and a quaternion x, y, z, w. speed, turn: how fast the camera moved, metres
+    and radians a second. unlocated: why that is not known, in words, and then there are no objects. grid: None where
+    there is no depth of the instant, and then `unseen` says why. objects: those with depth.
+    unmeasured: how many others were detected, by class.
+    """
+
+    header: Header
+    frame_id: Label
+    position: Vector | None = None
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    speed: Length = 0.0
+    turn: Length = 0.0
+    unlocated: Label = ""
+    grid: DepthGrid | None = None
+    unseen: Label = ""
+    objects: Annotated[list[ViewedObject], msgspec.Meta(max_length=MAX_DETECTIONS)] = []
+    unmeasured: Annotated[dict[Label, Count], msgspec.Meta(max_length=MAX_DETECTIONS)] = {}
+    model: Label
+    worker: Label
+    spans: Spans = {}
+
+    def __post_init__(self) -> None:
+        """Check that the place is either known or unknown, and that objects have one.
+
+        Raises:
+            SchemaError: it is both, or neither, or objects have positions in a frame that is unknown.
+        """
+        check_known(f"view in {self.frame_id[:64]}", known=self.position is not None, unknown=self.unlocated)
+        if self.position is None and self.objects:
+            raise SchemaError(f"{len(self.objects)} objects in a frame that is unknown")

@@ -21,7 +21,7 @@ WANTED: Final = "wanted"
 BUDGET: Final = "budget"
 
 RESERVED: Final = frozenset(
-    {"actions", "alerts", ALIVE, "clock", "ros", "service", "status", "text", "tf", "tf_static"}
+    {"actions", "alerts", ALIVE, "clock", "nearby", "ros", "service", "status", "text", "tf", "tf_static"}
 )
 """Chunks with a robot-wide meaning, reserved as camera names."""
 
@@ -35,8 +35,9 @@ ROBOT_STREAMS: Final = frozenset({TF, TF_STATIC})
 
 ALERTS: Final = "alerts"
 ACTIONS: Final = "actions"
+NEARBY: Final = "nearby"
 
-ROBOT_RESULTS: Final = frozenset({ALERTS, ACTIONS})
+ROBOT_RESULTS: Final = frozenset({ALERTS, ACTIONS, NEARBY})
 """Streams sent to a robot, once per robot."""
 
 REMEMBERED: Final = 1 << 16
@@ -62,6 +63,7 @@ class Stream(StrEnum):
     OVERLAY_DETECTION = "overlay/detection"
     OVERLAY_SEGMENTATION = "overlay/segmentation"
     DISTANCES = "distances"
+    VIEW = "view"
     OBJECTS = "objects"
 
 

@@ -1,4 +1,7 @@
-"""Keys of services and their workers: `workers/{service}/{worker}/...`; `schemas.keys` has those of robots."""
+"""Keys of services and their workers: `workers/{service}/{worker}/...`, and of sites: `world/{site}/...`.
+
+`schemas.keys` has those of robots.
+"""
 
 import re
 from dataclasses import dataclass
@@ -37,6 +40,47 @@ def worker_settings(service: str, worker: str) -> str:
     check_name("service", service)
     check_name("worker", worker)
     return f"workers/{service}/{worker}/settings"
+
+
+def world_changes(site: str) -> str:
+    """Return the key of the WorldChanges of a site."""
+    check_name("site", site)
+    return f"world/{site}/changes"
+
+
+def world_objects(site: str) -> str:
+    """Return the key under which a world model answers a WorldRequest with a WorldAnswer."""
+    check_name("site", site)
+    return f"world/{site}/objects"
+
+
+def world_floor(site: str) -> str:
+    """Return the key under which a world model answers an empty request with a FloorLooks."""
+    check_name("site", site)
+    return f"world/{site}/floor"
+
+
+def world_status(site: str) -> str:
+    """Return the key of the SiteStatus of a site."""
+    check_name("site", site)
+    return f"world/{site}/status"
+
+
+EVERY_WORLD_CHANGES: Final = "world/*/changes"
+EVERY_WORLD_STATUS: Final = "world/*/status"
+
+
+def parse_world(key: str) -> tuple[str, str]:
+    """Return (site, what) of a `world/{site}/{what}` key.
+
+    Raises:
+        SchemaError: the key is not of that form.
+    """
+    match key.split("/"):
+        case ["world", site, ("changes" | "objects" | "floor" | "status") as what]:
+            check_name("site", site)
+            return site, what
+    raise SchemaError(f"not a site's key: {key[:200]!r}")
 
 
 def infer(worker: str) -> str:

@@ -10,10 +10,10 @@ from typing import Final
 
 from bus import Bus, RefusedError, Reply, Request, RequestError
 from schemas import codec, keys
-from schemas.clock import ClockReading
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
 from schemas.inventory import MAX_PROBLEMS, MAX_SIGHTINGS, ClassSighting, InventoryAnswer, InventoryRequest
+from schemas.status import ClockReading
 from services.monitor.display import Problems
 from services.monitor.event_loop import in_turns
 from services.monitor.fleet import Fleet

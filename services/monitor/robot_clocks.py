@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 from bus.clocks import MAX_DRIFT, ClockOffset, Exchange
-from schemas.clock import ClockReading
 from schemas.detections import ClassList
 from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
+from schemas.status import ClockReading
 from services.monitor.inventory.sighting import NS
 
 PERIOD_S: Final = 10.0

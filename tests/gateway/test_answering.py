@@ -15,8 +15,8 @@ from gateway.ros1.tcpros.service_client import EMPTY, SET_BOOL, TRIGGER
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.settings import GatewaySettings
 from schemas import codec, keys
-from schemas.clock import ClockReading
 from schemas.ros import ServiceRequest, ServiceResponse
+from schemas.status import ClockReading
 from services.simulator.ros_master.master import RosMaster
 from tests.gateway.ros1.services import answer, fake_service, service_header
 from tests.gateway.ros1.waiting import until

@@ -6,7 +6,7 @@ from bus import Request
 from bus.clocks import clock_id
 from gateway.requests import clock_handler
 from schemas import codec
-from schemas.clock import ClockReading
+from schemas.status import ClockReading
 
 
 @pytest.mark.parametrize("ros_ns", [None, 5])

@@ -13,11 +13,10 @@ import pytest
 from bus import QoS, Reply, Request
 from schemas import codec, keys
 from schemas.alerts import Alert, AlertState
-from schemas.clock import ClockReading
 from schemas.detections import ClassList
 from schemas.inventory import InventoryAnswer
 from schemas.keys import Stream
-from schemas.status import GatewayStatus
+from schemas.status import ClockReading, GatewayStatus
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig, receive
 from tests.integration.test_monitor_history import QUICK
 from tests.integration.watching import always_seeing, camera, inventory, taken, told

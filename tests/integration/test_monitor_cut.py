@@ -12,10 +12,9 @@ import pytest
 from bus import Publisher, QoS, Reply, Request
 from bus.clocks import clock_id
 from schemas import codec, keys
-from schemas.clock import ClockReading
 from schemas.detections import KEPT_LISTS, ClassList
 from schemas.keys import Stream
-from schemas.status import GatewayStatus
+from schemas.status import ClockReading, GatewayStatus
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig
 from tests.integration.severed import severable
 from tests.integration.test_monitor_history import PALLETS, QUICK, pallets, rows

@@ -13,8 +13,8 @@ import pytest
 from bus import Bus, NotServedError, RefusedError
 from gateway.ros1.tcpros.service_client import ALL
 from schemas import codec, keys
-from schemas.clock import ClockReading
 from schemas.ros import ServiceRequest, ServiceResponse
+from schemas.status import ClockReading
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig
 from tests.integration.ros import real_master, require_ros
 

@@ -6,7 +6,6 @@ from backports import zstd
 from schemas import codec
 from schemas.budget import RateBudget
 from schemas.camera_info import CameraInfo, Region
-from schemas.clock import ClockReading
 from schemas.codec import Message
 from schemas.detections import Box, ClassCount, ClassList, Detection, Detections, Mask
 from schemas.errors import SchemaError
@@ -15,9 +14,11 @@ from schemas.inventory import ClassSighting, InventoryAnswer, InventoryRequest
 from schemas.keys import CameraKey, RobotStreamKey
 from schemas.points import PointCloud, PointField
 from schemas.ros import RawMessage, ServiceRequest, ServiceResponse, Text
-from schemas.status import CameraLoad, GatewayStatus, ReturnStatus, StreamStatus, WorkerStatus
+from schemas.status import CameraLoad, ClockReading, GatewayStatus, ReturnStatus, StreamStatus, WorkerStatus
 from schemas.transforms import Transform, Transforms
 from schemas.tuning import Tuning
+from schemas.world import WorldRequest
+from tests.schemas import world
 from tests.schemas.frames import header, image
 from tests.schemas.pictures import compressed, file_of
 from tests.schemas.results import action, alert, cloud, clouds, distances, known, unknown
@@ -50,7 +51,7 @@ RAW = RawMessage(
     latched=True,
     data=memoryview(b"\x05"),
 )
-QUESTIONS = (Tuning, InventoryRequest)
+QUESTIONS = (Tuning, InventoryRequest, WorldRequest)
 """Whose fields may all be left out."""
 
 MESSAGES: list[Message] = [
@@ -112,6 +113,13 @@ MESSAGES: list[Message] = [
     DETECTIONS,
     ClassList(header=header(), classes=[ClassCount("box", 2, 0.5)], model="m", worker="w"),
     distances(known("box", 2.5), unknown("pallet", 1)),
+    world.view(world.viewed()),
+    world.CHANGES,
+    world.ANSWER,
+    world.REQUEST,
+    world.NEARBY,
+    world.STATUS,
+    world.FLOOR,
     clouds(cloud((0.0, 0.5, 2.0), rgb=b"rgb")),
     alert(),
     action(),

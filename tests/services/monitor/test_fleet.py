@@ -3,11 +3,10 @@ from contextlib import suppress
 import msgspec
 import pytest
 
-from schemas.clock import ClockReading
 from schemas.detections import ClassCount, ClassList
 from schemas.distances import ObjectDistance, Place
 from schemas.keys import CameraKey
-from schemas.status import GatewayStatus, WorkerStatus
+from schemas.status import ClockReading, GatewayStatus, WorkerStatus
 from services.monitor import fleet as fleet_module
 from services.monitor.fleet import DUPLICATE_GATEWAY, LATE_FOR_NS, LATE_NS, RATE_WINDOW_S, SLOW_LINK, Age, Fleet, Row
 from services.monitor.inventory import inventory as module

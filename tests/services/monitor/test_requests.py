@@ -10,10 +10,9 @@ from bus import RefusedError, Reply, Request
 from bus.fake import FakeNetwork
 from schemas import codec, keys
 from schemas.alerts import Action
-from schemas.clock import ClockReading
 from schemas.header import MAX_LABEL
 from schemas.inventory import MAX_PROBLEMS, InventoryAnswer, InventoryRequest
-from schemas.status import GatewayStatus
+from schemas.status import ClockReading, GatewayStatus
 from services.monitor import requests
 from services.monitor.fleet import Fleet
 from services.monitor.inventory.inventory import TrustLimits

@@ -5,9 +5,9 @@ from typing import Final
 import msgspec
 import pytest
 
-from schemas.clock import ClockReading
 from schemas.header import Header
 from schemas.keys import CameraKey
+from schemas.status import ClockReading
 from services.monitor import robot_clocks as module
 from services.monitor.robot_clocks import (
     CLOCK_WAIT_NS,
