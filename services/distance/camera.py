@@ -14,21 +14,25 @@ from bus.clocks import clock_id
 from schemas import codec
 from schemas.consumer_keys import Wanted
 from schemas.detections import Detections
-from schemas.distances import Distances, ObjectDistance
+from schemas.distances import CameraView, Distances, ObjectDistance
 from schemas.errors import SchemaError
 from schemas.keys import TF, RobotStreamKey, Stream, StreamKey
 from schemas.status import UNWANTED
+from services.distance.camera_views import Place, ViewMaker, motion
 from services.distance.depth_readings import Criteria
 from services.distance.measuring import DepthView, measure_apart, unknown
 from services.distance.sensor_history import ImageContext, SensorHistory
 from services.distance.sensor_input import FAILED, REPLACED, UNJOINED, DetectionCounts, SensorInput
 from services.distance.views import Views
-from services.geometry.errors import GeometryError
+from services.geometry.errors import GeometryError, TransformError
 
 log = logging.getLogger(__name__)
 
 WAIT_S: Final = 0.2
 """Seconds that detections wait for the depth image and the transforms of their instant."""
+
+BEFORE_NS: Final = 100_000_000
+"""How far back the pose is that says how fast a camera moves."""
 
 WAITED: Final = "join"
 MEASURED: Final = "distance"
@@ -44,6 +48,28 @@ class DistanceCamera:
     criteria: Criteria
     worker: str
     executor: Executor
+    viewing: "Viewing | None" = None
+
+
+@dataclass(slots=True, eq=False)
+class Viewing:
+    """Publishes a camera's views, one in `period_s` at most.
+
+    maker: makes them. frame_id: of their positions. due_s: when the next is due.
+    """
+
+    publisher: Publisher
+    maker: ViewMaker
+    frame_id: str
+    period_s: float
+    due_s: float = 0.0
+
+    def is_due(self, now_s: float) -> bool:
+        """Whether a view is wanted now; the next one is due a period later."""
+        if not self.publisher.wanted or now_s < self.due_s:
+            return False
+        self.due_s = max(self.due_s + self.period_s, now_s + self.period_s / 2)
+        return True
 
 
 async def work(bus: Bus, camera: DistanceCamera, publisher: Publisher, done: Callable[[], None]) -> None:
@@ -100,13 +126,20 @@ async def _measure(
     moment = await _moment(camera.sensed, seen, news)
     begun_ns = time.time_ns()
     loop = asyncio.get_running_loop()
-    objects, took_ns = await loop.run_in_executor(camera.executor, _timed, camera, seen, moment)
-    if not publisher.wanted:
+    viewing = camera.viewing if camera.viewing is not None and camera.viewing.is_due(loop.time()) else None
+    if viewing is not None:
+        place = _place(camera.sensed, seen, moment, viewing.frame_id)
+        view = await loop.run_in_executor(camera.executor, _viewed, camera, viewing.maker, seen, moment, place)
+        viewing.publisher.put(codec.encode(view))
+    if publisher.wanted:
+        objects, took_ns = await loop.run_in_executor(camera.executor, _timed, camera, seen, moment)
+        spans = {**seen.spans, WAITED: max(0, begun_ns - received_ns), MEASURED: took_ns}
+        distances = Distances(header=seen.header, objects=objects, model=seen.model, worker=camera.worker, spans=spans)
+        if publisher.wanted:
+            publisher.put(codec.encode(distances))
+    if viewing is None and not publisher.wanted:
         camera.account.dropped[UNWANTED] += 1
         return
-    spans = {**seen.spans, WAITED: max(0, begun_ns - received_ns), MEASURED: took_ns}
-    distances = Distances(header=seen.header, objects=objects, model=seen.model, worker=camera.worker, spans=spans)
-    publisher.put(codec.encode(distances))
     if isinstance(moment.instant, str):
         camera.account.dropped[UNJOINED] += 1
     else:
@@ -140,3 +173,28 @@ def _objects(camera: DistanceCamera, seen: Detections, moment: ImageContext) -> 
         )
     except GeometryError as error:
         return unknown(seen.objects, str(error))
+
+
+def _place(sensed: SensorHistory, seen: Detections, moment: ImageContext, frame_id: str) -> Place:
+    """Return where the camera was, and how fast it moved."""
+    frames = {frame.frame_id: frame.from_camera for frame in moment.frames}
+    now = frames.get(frame_id, f"{frame_id} is not among the frames that objects are placed in")
+    if isinstance(now, str):
+        return Place(frame_id, now)
+    try:
+        before = sensed.transforms.lookup(frame_id, seen.header.frame_id, seen.header.stamp_ns - BEFORE_NS)
+    except TransformError:
+        return Place(frame_id, now)
+    return Place(frame_id, now, *motion(before, now, BEFORE_NS / 1e9))
+
+
+def _viewed(
+    camera: DistanceCamera, maker: ViewMaker, seen: Detections, moment: ImageContext, place: Place
+) -> CameraView:
+    if isinstance(moment.instant, str):
+        return maker.view(seen, moment.instant, place)
+    try:
+        depth, model = camera.views.view(moment.instant)
+    except GeometryError as error:
+        return maker.view(seen, str(error), place)
+    return maker.view(seen, DepthView(depth, seen.header.frame_id, model, moment.frames), place)

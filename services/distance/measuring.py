@@ -65,7 +65,7 @@ def measure(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -
     if isinstance(view.camera, CameraModel):
         view.camera.check_size(*view.depth.shape)
     measured: dict[int, ObjectDistance] = {}
-    for windows in _groups(objects, measured):
+    for windows in groups(objects, measured):
         measured.update((each.index, each) for each in _measured(objects, windows, view, criteria))
     return [measured[index] for index in range(len(objects))]
 
@@ -101,7 +101,7 @@ def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectD
     return ObjectDistance(name=found.name, index=index, track=found.track, valid_share=share, unknown=reason)
 
 
-def _groups(objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance]) -> Iterator[dict[int, Window]]:
+def groups(objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance]) -> Iterator[dict[int, Window]]:
     """Yield the decoded masks of objects, some at a time, by index; failures go to `unmeasured`."""
     masks = {index: found.mask for index, found in enumerate(objects) if found.mask is not None}
     windows: dict[int, Window] = {}
@@ -145,9 +145,7 @@ def _measured(
 def _known(picked: Picked, view: DepthView) -> Iterator[Measured]:
     z = picked.z
     own = foreground(z, picked.around)
-    axial = _medians(z, own)
-    spread = _SIGMA * _medians(np.abs(z - axial[:, np.newaxis]), own)
-    solid = _else(own & on_surface(z), own)
+    axial, spread, solid = own_readings(picked, own)
     order = solid.cumsum(axis=1)
     nearest = z[np.arange(len(z)), (order > (order[:, -1:] * _NOISE).astype(np.intp)).argmax(axis=1)]
     numbers = (each.tolist() for each in (axial, picked.mean_m[picked.rows], nearest, spread))
@@ -162,6 +160,15 @@ def _known(picked: Picked, view: DepthView) -> Iterator[Measured]:
             spread_m=spread_m,
             places=places,
         )
+
+
+def own_readings(picked: Picked, own: Bools | None = None) -> tuple[NDArray[Any], NDArray[Any], Bools]:
+    """Return the median distance of each object's own readings, its spread, and which readings are on its surface."""
+    z = picked.z
+    own = foreground(z, picked.around) if own is None else own
+    axial = _medians(z, own)
+    spread = _SIGMA * _medians(np.abs(z - axial[:, np.newaxis]), own)
+    return axial, spread, _else(own & on_surface(z), own)
 
 
 def _else(some: Bools, other: Bools) -> Bools:

@@ -1,16 +1,23 @@
 """The distance process: joins the bus and works."""
 
 import logging
+from asyncio import TaskGroup
 from collections.abc import Callable
 from concurrent.futures import Executor
+from contextlib import AbstractAsyncContextManager
 from typing import Final
 
-from bus import Bus, QoS, open_bus
-from bus.sharing.sharing import JOIN_S
+import msgspec
+
+from bus import Bus, Publisher, QoS, open_bus
+from bus.demand import SharedDemand, while_wanted
+from bus.sharing.sharing import JOIN_S, say_unwanted
 from bus.sharing.tally import Tallies
-from schemas.distances import Distances
+from schemas import codec
+from schemas.distances import CameraView, Distances
 from schemas.keys import CameraKey, Stream
-from services.distance.camera import DistanceCamera, work
+from services.distance.camera import DistanceCamera, Viewing, work
+from services.distance.camera_views import ViewMaker
 from services.distance.sensor_history import DEPTH_IMAGE, SensorHistory
 from services.distance.sensor_input import DetectionCounts
 from services.distance.settings import DistanceSettings
@@ -19,7 +26,7 @@ from services.geometry.memory_budget import MIB, MemoryBudget
 from services.geometry.transforms import TransformTree
 from services.worker.stamp_joiner import Joiner
 from services.worker.thread import worker_thread
-from services.worker.worker import Worker, publish_while_wanted
+from services.worker.worker import Worker
 
 SERVICE: Final = "distance"
 
@@ -39,16 +46,22 @@ class DistanceWorker:
         await self._worker.run()
 
     async def _serve(self, key: CameraKey, account: DetectionCounts, took_over: Callable[[], None]) -> None:
-        await publish_while_wanted(
-            self._bus,
-            key.stream(Stream.DISTANCES),
-            schema=Distances,
-            qos=QoS.RESULT,
-            work=lambda publisher: work(self._bus, self._camera(account), publisher, took_over),
-            took_over=took_over,
-        )
+        demand = SharedDemand()
+        distances, views = key.stream(Stream.DISTANCES), key.stream(Stream.VIEW)
+        async with (
+            self._publisher(distances, QoS.RESULT, Distances, demand) as publisher,
+            self._publisher(views, QoS.IMAGE, CameraView, demand) as viewing,
+            TaskGroup() as group,
+        ):
+            group.create_task(say_unwanted(demand, took_over))
+            await while_wanted(demand, lambda: work(self._bus, self._camera(account, viewing), publisher, took_over))
 
-    def _camera(self, account: DetectionCounts) -> DistanceCamera:
+    def _publisher(
+        self, key: str, qos: QoS, schema: type[msgspec.Struct], demand: SharedDemand
+    ) -> AbstractAsyncContextManager[Publisher]:
+        return self._bus.publisher(key, qos, encoding=codec.encoding(schema), on_demand=demand.of(key))
+
+    def _camera(self, account: DetectionCounts, views: Publisher) -> DistanceCamera:
         return DistanceCamera(
             account=account,
             sensed=SensorHistory(
@@ -60,6 +73,12 @@ class DistanceWorker:
             criteria=self._settings.criteria,
             worker=self._settings.worker,
             executor=self._executor,
+            viewing=Viewing(
+                views,
+                ViewMaker(self._settings.criteria, self._settings.worker),
+                self._settings.view_frame,
+                1 / self._settings.view_hz,
+            ),
         )
 
 

@@ -23,6 +23,17 @@ class DistanceSettings(SharingSettings, BusSettings):
             description="frames of reference in which objects are placed, besides the camera's optical frame",
         ),
     ] = ["base_link", "map"]
+    view_frame: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=MAX_LABEL,
+            description="which of them is the map of a site, in which the world model knows objects",
+        ),
+    ] = "map"
+    view_hz: Annotated[
+        float, Field(gt=0, le=100, description="views a second, at most, that a camera sends to the world model")
+    ] = 3.0
     min_pixels: Annotated[int, Field(ge=1, le=100_000, description="minimum number of depth readings per object")] = 30
     edge_pixels: Annotated[int, Field(ge=0, le=20, description="pixels trimmed from the edges of masks")] = 0
     nearest_m: Annotated[float, Field(ge=0, description="nearer depth is ignored")] = 0.1

@@ -14,7 +14,7 @@ from bus.fake import FakeNetwork
 from bus.reporting import VERSION
 from schemas import consumer_keys, worker_keys
 from schemas.consumer_keys import Wanted
-from schemas.distances import Distances
+from schemas.distances import CameraView, Distances
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey
 from schemas.status import WorkerStatus
 from services.distance.camera import WAITED
@@ -99,6 +99,23 @@ async def test_a_listener_gets_distances_and_places(rig: Rig) -> None:
     assert camera is not None
     assert base == pytest.approx((camera[0] + 0.5, *camera[1:]))
     assert of_map == pytest.approx((camera[0] + 2.0, *camera[1:]))
+
+
+async def test_who_wants_views_alone_gets_them_and_not_more_than_are_due(rig: Rig) -> None:
+    async with rig.bus.subscribe(FRONT.stream(Stream.VIEW), QUEUE(99)) as views:
+        await rig.robot.until_wanted()
+        rig.robot.send(TF, transforms(("map", "base_link", 1.0), stamp_ns=stamp_of(-9)))
+        rig.robot.send(TF, transforms(("map", "base_link", 2.0), stamp_ns=stamp_of(99)))
+        rig.frame(5)
+        seen = await receive(views, CameraView)
+        for seq in range(6, 12):
+            rig.frame(seq)
+        await load(rig.bus, lambda of: sum(of.dropped.values()) >= 3)
+        assert views.counts.received <= 3
+    assert (seen.header, seen.frame_id, seen.worker) == (detections(BOX, 5).header, "map", "w1")
+    assert seen.position is not None
+    assert seen.speed == pytest.approx(1e9 / (stamp_of(99) - stamp_of(-9)), rel=0.01)
+    assert [each.name for each in seen.objects] == ["box"]
 
 
 async def test_where_a_robot_is_is_not_guessed_from_where_it_was_when_somebody_last_asked(rig: Rig) -> None:
