@@ -1,0 +1,255 @@
+"""A site's model: takes views in, knows the objects. Pure: time is an argument."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.distances import CameraView
+from services.worldmodel.association import Assignment, assign, close, displaced
+from services.worldmodel.classes import Classes
+from services.worldmodel.events import Event
+from services.worldmodel.evidence import Looks, look
+from services.worldmodel.frames import Frames
+from services.worldmodel.fusion import fuse
+from services.worldmodel.motion import drifts, move, moves
+from services.worldmodel.objects import Index, Objects
+from services.worldmodel.offsets import RIGHT, Offsets
+from services.worldmodel.placement import UNITS, Sightings, place
+from services.worldmodel.population import Population, Rules, gain, note_seers
+from services.worldmodel.solids import covers_several
+
+Rows = NDArray[np.intp]
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+NS: Final = 1_000_000_000
+SETTLED: Final = 5
+"""Sightings after which an object says where the robots are that see it."""
+
+PULL: Final = 3.0
+"""How much faster than localisation errors change objects are drawn to where poses as they came say that they are."""
+
+KNOWN_M2: Final = 0.25
+"""Variance from which on an object says nothing of where a robot is."""
+
+SWEEP_NS: Final = 6 * NS
+TOO_FAR: Final = "farther, higher or larger than objects are"
+DOUBTED: Final = "of a robot whose pose is doubted"
+UNLOCATED: Final = "of a robot without a map frame"
+
+
+class SiteModel:
+    """One site's objects. Nothing that views say makes it raise; what is left out is counted by robot and reason."""
+
+    def __init__(self, rules: Rules | None = None, classes: Classes | None = None) -> None:
+        self.rules = rules or Rules()
+        self.classes = classes or Classes()
+        self.offsets = Offsets(self.rules.localisation)
+        self.robots: list[str] = []
+        self.cameras: list[tuple[str, str]] = []
+        self.left_out: Counter[tuple[str, str]] = Counter()
+        self.views = 0
+        self.sightings = 0
+        self.population = Population(self.rules, self.classes, self.left_out)
+        self._numbers: dict[str | tuple[str, str], int] = {}
+        self._swept_ns = 0
+
+    def take(self, view: CameraView, at_ns: int) -> list[Event]:
+        """Take in a view that was taken at `at_ns`, and return what changed."""
+        return self.take_all([(view, at_ns)])
+
+    def take_all(self, views: Sequence[tuple[CameraView, int]]) -> list[Event]:
+        """Take in views, in the order in which they were taken, and return what changed."""
+        self.population.begin()
+        self.views += len(views)
+        for some in self._rounds(views):
+            self._round(some)
+        if views and views[-1][1] - self._swept_ns > SWEEP_NS:
+            self._swept_ns = views[-1][1]
+            self.population.sweep(self._swept_ns)
+        return self.population.events
+
+    def restore(
+        self, objects: Objects, classes: Sequence[str], cameras: Sequence[tuple[str, str]], next_number: int
+    ) -> None:
+        """Go on with objects that were known before, in a model that knows none."""
+        for name in classes:
+            self.classes.number(name)
+        for camera in cameras:
+            self._number(self.cameras, camera)
+        self.population.restore(objects, next_number)
+
+    @property
+    def objects(self) -> Objects:
+        """The objects by row."""
+        return self.population.objects
+
+    @property
+    def index(self) -> Index:
+        """Which rows are near a place."""
+        return self.population.index
+
+    def _rounds(self, views: Sequence[tuple[CameraView, int]]) -> Iterator[Frames]:
+        """Yield views in groups in which no robot is twice."""
+        rest = list(views)
+        while rest:
+            now: dict[str, tuple[CameraView, int]] = {}
+            later = []
+            for view, at_ns in rest:
+                robot = view.header.robot
+                if view.position is None:
+                    self.left_out[robot, UNLOCATED] += sum(view.unmeasured.values())
+                elif robot in now:
+                    later.append((view, at_ns))
+                else:
+                    now[robot] = view, at_ns
+            rest = later
+            if now:
+                some = [view for view, _ in now.values()]
+                cameras = [self._number(self.cameras, (each.header.robot, each.header.camera)) for each in some]
+                robots = [self._number(self.robots, each.header.robot) for each in some]
+                yield Frames.of(some, [at_ns for _, at_ns in now.values()], robots, cameras)
+
+    def _number(self, names: list, name: str | tuple[str, str]) -> int:  # type: ignore[type-arg]
+        number = self._numbers.get(name)
+        if number is None:
+            number = self._numbers[name] = len(names)
+            names.append(name)
+        return number
+
+    def _round(self, frames: Frames) -> None:
+        objects, offsets = self.objects, self.offsets
+        offsets.reserve(len(self.robots))
+        offsets.predict(frames.robots, frames.cameras, frames.at_ns, frames.camera)
+        state = offsets.state[frames.robots]
+        camera, rotation = frames.moved(state)
+        seen = self._placed(frames)
+        seen.shift(state)
+        around = self.index.near(seen.middle)
+        row, of = close(seen, objects, *around)
+        pose = offsets.pose_covariance(frames.robots[seen.frame], seen.away)
+        found = assign(seen, objects, row, of, pose)
+        looks = look(frames, camera, rotation, objects, self.index)
+        self._judge(frames, seen, found, looks)
+        trusted = offsets.doubted[frames.robots] == RIGHT
+        found, looks = self._trusted(frames, seen, found, looks, trusted)
+        several = covers_several(seen, objects, *self._sure(row, of), rotation[seen.frame, :2, 0])
+        moved = moves(seen, objects, self.classes, found, looks=looks, pairs=around, at_ns=frames.at_ns)
+        for each in (moved, drifts(seen, objects, self.classes, found)):
+            move(objects, each, (frames.at_ns[seen.frame[each.seen]] - objects.last_ns[each.of]) / NS)
+            self.index.put(each.of, objects.centre[each.of])
+        new = np.setdiff1d(found.new, moved.seen, assume_unique=True)
+        which, rows = np.concatenate([found.seen, moved.seen]), np.concatenate([found.of, moved.of])
+        for some in _once_each(rows):
+            self._update(frames, seen, (which[some], rows[some]), pose=pose, several=several)
+        keys = self.population.keys(seen.frame[which], rows)
+        self.population.create(frames, seen, new, pose)
+        self.population.confirm(frames, seen.frame[which], rows, looks, keys)
+        self.population.miss(frames, looks, keys)
+
+    def _placed(self, frames: Frames) -> Sightings:
+        number = self.classes.number
+        numbers = [number(each.name) for view in frames.views for each in view.objects]
+        seen, wrong = place(frames, numbers)
+        self.sightings += len(seen)
+        for each in wrong.tolist():
+            self.left_out[frames.views[each].header.robot, TOO_FAR] += 1
+        return seen
+
+    def _sure(self, row: Rows, of: Rows) -> tuple[Rows, Rows]:
+        sure = self.objects.confirmed[of] & (self.objects.hits[of] >= SETTLED)
+        return row[sure], of[sure]
+
+    def _judge(self, frames: Frames, seen: Sightings, found: Assignment, looks: Looks) -> None:
+        objects = self.objects
+        still = objects.confirmed & (objects.hits >= SETTLED) & ~self.classes.moves[objects.cls]
+        expected = looks.taken(still[looks.rows])
+        met = np.isin(
+            self.population.keys(expected.frame, expected.rows), self.population.keys(seen.frame[found.seen], found.of)
+        )
+        count = len(frames)
+        self.offsets.judge(
+            frames.robots,
+            np.bincount(expected.frame, minlength=count),
+            np.bincount(expected.frame[met], minlength=count),
+        )
+        self.classes.learn(objects.cls[expected.rows], expected.distance, met)
+
+    def _trusted(
+        self, frames: Frames, seen: Sightings, found: Assignment, looks: Looks, trusted: Bools
+    ) -> tuple[Assignment, Looks]:
+        if trusted.all():
+            return found, looks
+        for each in np.flatnonzero(~trusted).tolist():
+            self.left_out[frames.views[each].header.robot, DOUBTED] += int((seen.frame == each).sum())
+        kept, new = trusted[seen.frame[found.seen]], found.new[trusted[seen.frame[found.new]]]
+        return (
+            Assignment(found.seen[kept], found.of[kept], found.moved[kept], new),
+            looks.taken(trusted[looks.frame]),
+        )
+
+    def _update(
+        self, frames: Frames, seen: Sightings, pairs: tuple[Rows, Rows], *, pose: Floats, several: Bools
+    ) -> None:
+        """Take in sightings of objects, each object once."""
+        objects, rules, (which, rows) = self.objects, self.rules, pairs
+        frame = seen.frame[which]
+        robots, at_ns = frames.robots[frame], frames.at_ns[frame]
+        self._begin_series(rows, robots, at_ns)
+        self._correct(seen, which, rows, robots)
+        passed = np.maximum((at_ns - objects.series_ns[rows]) / NS, 0.1)
+        again = objects.hits[rows] > 1
+        repeats = np.where(again, rules.localisation.seconds / passed, 1.0)
+        single = ~several[which] | self.classes.is_large(objects.cls[rows])
+        some, of = which[single], rows[single]
+        fuse(objects, self.classes, of, seen.taken(some), pose=pose[some], repeats=repeats[single])
+        self._anchor(seen, which, rows, robots, at_ns)
+        objects.series_ns[rows] = at_ns
+        objects.logit[rows] = np.minimum(objects.logit[rows] + gain(rules, seen, which), rules.most)
+        objects.hits[rows] += 1
+        objects.fits[rows] += 1
+        objects.last_ns[rows] = np.maximum(objects.last_ns[rows], at_ns)
+        objects.velocity[rows] *= np.where(np.abs(objects.velocity[rows]) < 0.05, 0.0, 0.9)
+        note_seers(objects, rows, frames.cameras[frame], at_ns)
+
+    def _begin_series(self, rows: Rows, robots: Rows, at_ns: NDArray[np.int64]) -> None:
+        objects = self.objects
+        late = at_ns - objects.series_ns[rows] > self.rules.localisation.seconds * NS / 2
+        other = (objects.anchor_robot[rows] != robots) | late
+        new = rows[other]
+        objects.anchor[new], objects.anchor_variance[new] = objects.edges[new], objects.variance[new]
+        objects.anchor_robot[new] = robots[other]
+
+    def _correct(self, seen: Sightings, which: Rows, rows: Rows, robots: Rows) -> None:
+        """Let what stands still, as it was known before the robot saw it, say how far the robot's pose is off."""
+        objects = self.objects
+        still = objects.confirmed[rows] & ~self.classes.moves[objects.cls[rows]]
+        which, rows, robots = which[still], rows[still], robots[still]
+        moved, covariance = displaced(
+            seen.edges[which], seen.noise[which], objects.anchor[rows], objects.anchor_variance[rows]
+        )
+        known = (covariance[:, 0] < KNOWN_M2) & (covariance[:, 2] < KNOWN_M2)
+        self.offsets.correct(robots[known], seen.away[which[known]], moved[known], covariance[known])
+
+    def _anchor(self, seen: Sightings, which: Rows, rows: Rows, robots: Rows, at_ns: NDArray[np.int64]) -> None:
+        """Draw objects to where poses as they came say that they are: offsets only tell robots apart."""
+        objects = self.objects
+        passed = np.clip((at_ns - objects.last_ns[rows]) / NS, 0.0, 1.0)
+        objects.watched_s[rows] += passed
+        share = PULL * passed / (self.rules.localisation.seconds + objects.watched_s[rows])
+        x, y, yaw = self.offsets.state[robots].T
+        away = seen.away[which]
+        by = -np.stack([x - yaw * away[:, 1], y + yaw * away[:, 0]], axis=1) * share[:, np.newaxis]
+        objects.shift(rows, by, by @ UNITS.T)
+
+
+def _once_each(rows: Rows) -> Iterator[Rows]:
+    """Yield the numbers of rows in groups in which each row is once."""
+    rest = np.arange(len(rows))
+    while len(rest):
+        _, first = np.unique(rows[rest], return_index=True)
+        yield rest[np.sort(first)]
+        rest = np.delete(rest, first)

@@ -1,0 +1,211 @@
+"""The known objects as arrays, a row each, and which of them are near a place. Pure."""
+
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.distances import REACHES
+
+Rows = NDArray[np.intp]
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+SEERS: Final = 4
+"""Cameras that are remembered of an object."""
+
+_FIRST: Final = 256
+_SHAPES: Final[dict[str, tuple[int, ...]]] = {
+    "edges": (REACHES,),
+    "variance": (REACHES,),
+    "outline": (REACHES,),
+    "anchor": (REACHES,),
+    "anchor_variance": (REACHES,),
+    "told_outline": (REACHES,),
+    "centre": (2,),
+    "hint": (2,),
+    "size": (2,),
+    "velocity": (2,),
+    "told": (3,),
+    "covariance": (2, 2),
+    "seers": (SEERS,),
+    "seers_ns": (SEERS,),
+}
+_UNKNOWN: Final = {"variance": np.inf, "anchor_variance": np.inf, "number": -1, "anchor_robot": -1, "seers": -1}
+_WHOLE: Final = frozenset(
+    {"number", "cls", "hits", "fits", "first_ns", "last_ns", "looked_ns", "told_ns", "series_ns", "anchor_robot"}
+    | {"seers", "seers_ns"}
+)
+
+
+@dataclass(slots=True, eq=False)
+class Objects:
+    """A site's objects; rows are reused.
+
+    number: of the id, -1 for a row that is free. cls: number of the class. edges, variance: what was measured of the
+    outline, infinite variance where nothing was. outline: the edges of the box that fits best. centre, covariance, size
+    (length, width), yaw: of that box. hint: about where the centre is, whatever edges are known. low, high: heights;
+    low_variance, high_variance: of these. velocity: metres a second.
+
+    anchor, anchor_variance, anchor_robot: the edges as they were before the robot that sees it now began to, and who
+    that is; series_ns: when it saw it last. watched_s: how long it was in view, all robots together.
+
+    logit: log-odds that it is there. confirmed: known to others. hits: sightings. looks: views that should have shown
+    it. fits: sightings since the box was fitted. first_ns, last_ns, looked_ns: when it was seen first and last, and
+    looked for in vain. seers, seers_ns: numbers of the cameras that saw it last, and when.
+    told, told_outline, told_ns: the centre (x, y, z) and outline that others know, and since when.
+    """
+
+    number: Whole
+    cls: Whole
+    edges: Floats
+    variance: Floats
+    outline: Floats
+    centre: Floats
+    covariance: Floats
+    size: Floats
+    yaw: Floats
+    hint: Floats
+    low: Floats
+    high: Floats
+    low_variance: Floats
+    high_variance: Floats
+    velocity: Floats
+    anchor: Floats
+    anchor_variance: Floats
+    anchor_robot: Whole
+    series_ns: Whole
+    watched_s: Floats
+    logit: Floats
+    confirmed: NDArray[np.bool_]
+    hits: Whole
+    looks: Floats
+    fits: Whole
+    first_ns: Whole
+    last_ns: Whole
+    looked_ns: Whole
+    seers: Whole
+    seers_ns: Whole
+    told: Floats
+    told_outline: Floats
+    told_ns: Whole
+
+    @classmethod
+    def none(cls, capacity: int = _FIRST) -> "Objects":
+        """Return room for so many objects."""
+        return cls(**{each.name: _empty(each.name, capacity) for each in fields(cls)})
+
+    @property
+    def capacity(self) -> int:
+        """The number of rows, free ones included."""
+        return len(self.number)
+
+    def grow(self) -> None:
+        """Double the number of rows."""
+        more = Objects.none(self.capacity)
+        for each in fields(self):
+            setattr(self, each.name, np.concatenate([getattr(self, each.name), getattr(more, each.name)]))
+
+    def clear(self, rows: Rows) -> None:
+        """Make rows as they are before anything is known of them; their numbers stay."""
+        for each in fields(self):
+            if each.name != "number":
+                getattr(self, each.name)[rows] = _UNKNOWN.get(each.name, 0)
+
+    def known(self) -> Rows:
+        """Return the rows that are in use."""
+        return np.flatnonzero(self.number >= 0)
+
+    def told_to_others(self) -> Rows:
+        """Return the rows of confirmed objects."""
+        return np.flatnonzero(self.confirmed)
+
+    def shift(self, rows: Rows, by: Floats, along: Floats) -> None:
+        """Move objects by (n, 2), which is `along` the directions of outlines (n, REACHES)."""
+        self.edges[rows] += along
+        self.outline[rows] += along
+        self.anchor[rows] += along
+        self.centre[rows] += by
+        self.hint[rows] += by
+
+
+def _empty(name: str, capacity: int) -> Any:
+    kind = np.bool_ if name == "confirmed" else np.int64 if name in _WHOLE else np.float64
+    return np.full((capacity, *_SHAPES.get(name, ())), _UNKNOWN.get(name, 0), kind)
+
+
+CELL_M: Final = 2.0
+_WRAP: Final = 1 << 20
+_AROUND: Final = tuple(across + up for across in (-_WRAP, 0, _WRAP) for up in (-1, 0, 1))
+_NONE: Final = np.empty(0, np.intp)
+
+
+class Index:
+    """Rows of objects by the cell of CELL_M that they are in, and by the nine cells around each."""
+
+    def __init__(self) -> None:
+        self._cells: dict[int, list[int]] = {}
+        self._cell: dict[int, int] = {}
+        self._blocks: dict[int, Rows] = {}
+
+    def put(self, rows: Rows, places: Floats) -> None:
+        """Say where rows are now, (n, 2)."""
+        for row, cell in zip(rows.tolist(), _cells_of(places), strict=True):
+            before = self._cell.get(row)
+            if before == cell:
+                continue
+            if before is not None:
+                self._leave(row, before)
+            self._cell[row] = cell
+            self._cells.setdefault(cell, []).append(row)
+            self._changed(cell)
+
+    def drop(self, row: int) -> None:
+        """Forget a row."""
+        self._leave(row, self._cell.pop(row))
+
+    def near(self, places: Floats) -> tuple[Rows, Rows]:
+        """Return pairs of numbers of places (n, 2) and rows that are within CELL_M of them, and some others."""
+        return _pairs([self._block(cell) for cell in _cells_of(places)])
+
+    def within(self, low: Floats, high: Floats) -> tuple[Rows, Rows]:
+        """Return pairs of numbers of rectangles (n, 2 corners each) and rows that are in them, and some others."""
+        lows, highs = (np.floor(each / CELL_M).astype(np.int64).tolist() for each in (low, high))
+        found = []
+        for (left, bottom), (right, top) in zip(lows, highs, strict=True):
+            cells = [x * _WRAP + y for x in range(left + 1, right + 2, 3) for y in range(bottom + 1, top + 2, 3)]
+            found.append(np.concatenate([self._block(cell) for cell in cells]))
+        return _pairs(found)
+
+    def _block(self, cell: int) -> Rows:
+        """Return the rows in the nine cells around and in a cell."""
+        block = self._blocks.get(cell)
+        if block is None:
+            get = self._cells.get
+            rows = [row for step in _AROUND for row in get(cell + step, ())]
+            block = self._blocks[cell] = np.array(rows, np.intp)
+        return block
+
+    def _changed(self, cell: int) -> None:
+        for step in _AROUND:
+            self._blocks.pop(cell + step, None)
+
+    def _leave(self, row: int, cell: int) -> None:
+        rows = self._cells[cell]
+        rows.remove(row)
+        if not rows:
+            del self._cells[cell]
+        self._changed(cell)
+
+
+def _pairs(found: list[Rows]) -> tuple[Rows, Rows]:
+    if not found:
+        return _NONE, _NONE
+    return np.repeat(np.arange(len(found)), [len(rows) for rows in found]), np.concatenate(found)
+
+
+def _cells_of(places: Floats) -> list[int]:
+    cells = np.floor(places / CELL_M).astype(np.int64)
+    numbers: list[int] = (cells[:, 0] * _WRAP + cells[:, 1]).tolist()
+    return numbers

@@ -1,0 +1,184 @@
+"""How far each robot's localisation is off, estimated from what was seen before; lost robots are doubted. Pure."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Rows = NDArray[np.intp]
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+NS: Final = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class Localisation:
+    """How far poses are off, usually: 1 sigma in metres and radians, and seconds until an error is another one."""
+
+    metres: float = 0.07
+    radians: float = 0.02
+    seconds: float = 30.0
+
+    @property
+    def variance(self) -> Floats:
+        """Of x, y and yaw."""
+        return np.array([self.metres**2, self.metres**2, self.radians**2])
+
+
+SYSTEMATIC: Final = np.square([0.0075, 0.0075, 0.0015])
+"""Variance of what things of a view have in common, however many they are: x, y, yaw."""
+
+REPEATED: Final = 0.2
+"""Views are taken to be so independent of each other, by the time that errors take to become others."""
+
+OUTLIER: Final = 3.0
+"""Mahalanobis distance, squared, from which on a thing pulls no more than this."""
+
+JUMP_M_S: Final = 4.0
+"""Robots do not drive faster: a pose that does has jumped."""
+
+JUMP_M: Final = 0.5
+DOUBT_VIEWS: Final = 4
+TRUST_VIEWS: Final = 3
+FEWEST: Final = 3
+"""Objects expected in view, at least, for a view to tell whether its pose is right."""
+
+FOUND: Final = 0.34
+"""The share of them that must be found."""
+
+RIGHT, LOST, JUMPED = 0, 1, 2
+REASONS: Final = ("", "its pose does not fit what was seen before", "its pose has jumped")
+_FIRST: Final = 16
+
+
+class Offsets:
+    """The offsets of a site's robots: mean-reverting random walks, so that the map as a whole cannot drift away.
+
+    state: (robots, 3) x, y, yaw to add to poses. covariance: of it. doubted: RIGHT, LOST or JUMPED. views: how many of
+    each came. at_ns: when the last one was taken. position: (robots, 3) of the camera that took it.
+    """
+
+    def __init__(self, usual: Localisation) -> None:
+        self.usual = usual
+        self.state = np.zeros((0, 3))
+        self.covariance = np.zeros((0, 3, 3))
+        self.position = np.zeros((0, 3))
+        self.at_ns = np.zeros(0, np.int64)
+        self.doubted = np.zeros(0, np.int64)
+        self.views = np.zeros(0, np.int64)
+        self._passed = np.zeros(0)
+        self._cameras = _LastPoses()
+        self._right = np.zeros(0, np.int64)
+        self._wrong = np.zeros(0, np.int64)
+
+    def reserve(self, count: int) -> None:
+        """Make room for so many robots."""
+        more = count - len(self.state)
+        if more <= 0:
+            return
+        more = max(more, _FIRST)
+        start = np.broadcast_to(np.diag(self.usual.variance), (more, 3, 3))
+        self.covariance = np.concatenate([self.covariance, start])
+        self.state, self.position = (np.concatenate([a, np.zeros((more, 3))]) for a in (self.state, self.position))
+        self._passed = np.concatenate([self._passed, np.zeros(more)])
+        for name in ("at_ns", "doubted", "views", "_right", "_wrong"):
+            setattr(self, name, np.concatenate([getattr(self, name), np.zeros(more, np.int64)]))
+
+    def predict(self, robots: Rows, cameras: Rows, at_ns: NDArray[np.int64], position: Floats) -> None:
+        """Go on to views' instants; position: of their cameras. A jump of the pose begins anew, in doubt."""
+        known = self.at_ns[robots] > 0
+        passed = np.where(known, np.maximum(at_ns - self.at_ns[robots], 0) / NS, 0.0)
+        self._forget(robots[self._cameras.have_jumped(cameras, at_ns, position)], JUMPED)
+        keep = np.exp(-passed / self.usual.seconds)
+        self.state[robots] *= keep[:, np.newaxis]
+        fresh = np.diag(self.usual.variance) * (1 - keep**2)[:, np.newaxis, np.newaxis]
+        self.covariance[robots] = self.covariance[robots] * (keep**2)[:, np.newaxis, np.newaxis] + fresh
+        self.at_ns[robots] = np.maximum(at_ns, self.at_ns[robots])
+        self.position[robots], self._passed[robots] = position, passed
+        self.views[robots] += 1
+
+    def pose_covariance(self, robots: Rows, away: Floats) -> Floats:
+        """Return the covariance (n, 3; xx, xy, yy) that poses give places that are `away` (n, 2) from the cameras."""
+        c = self.covariance[robots]
+        x, y = away.T
+        return np.stack(
+            [
+                c[:, 0, 0] - 2 * y * c[:, 0, 2] + y * y * c[:, 2, 2],
+                c[:, 0, 1] + x * c[:, 0, 2] - y * c[:, 1, 2] - x * y * c[:, 2, 2],
+                c[:, 1, 1] + 2 * x * c[:, 1, 2] + x * x * c[:, 2, 2],
+            ],
+            axis=1,
+        )
+
+    def correct(self, robots: Rows, away: Floats, moved: Floats, covariance: Floats) -> None:
+        """Learn from things known before. robots: of each. moved: (n, 2) where it seems to be, less where it is.
+
+        covariance: (n, 3; xx, xy, yy) of that, the pose's left out.
+        """
+        which, group = np.unique(robots, return_inverse=True)
+        if not len(which):
+            return
+        normal, vector = _sums(group, len(which), away, moved, covariance)
+        normal += np.diag(1 / (4 * self.usual.variance))
+        spread = np.linalg.inv(normal)
+        seen = np.einsum("rij,rj->ri", spread, vector)
+        repeated = np.maximum(1.0, self.usual.seconds / np.maximum(self._passed[which], 0.1) * REPEATED)
+        before = self.covariance[which]
+        noise = spread + np.diag(SYSTEMATIC) * repeated[:, np.newaxis, np.newaxis]
+        gain = before @ np.linalg.inv(before + noise)
+        self.state[which] -= np.einsum("rij,rj->ri", gain, seen)
+        self.covariance[which] = (np.identity(3) - gain) @ before
+
+    def judge(self, robots: Rows, expected: NDArray[np.int64], found: NDArray[np.int64]) -> None:
+        """Doubt poses when views keep missing what is known, or find it elsewhere; trust them again when they fit."""
+        telling = expected >= FEWEST
+        fits = np.where(telling, found >= FOUND * expected, (self.doubted[robots] == JUMPED) & (expected == 0))
+        wrong = telling & ~fits
+        self._right[robots] = np.where(fits, self._right[robots] + 1, np.where(wrong, 0, self._right[robots]))
+        self._wrong[robots] = np.where(wrong, self._wrong[robots] + 1, np.where(fits, 0, self._wrong[robots]))
+        self.doubted[robots[self._right[robots] >= TRUST_VIEWS]] = RIGHT
+        self._forget(robots[(self._wrong[robots] >= DOUBT_VIEWS) & (self.doubted[robots] == RIGHT)], LOST)
+
+    def _forget(self, robots: Rows, why: int) -> None:
+        self.state[robots] = 0.0
+        self.covariance[robots] = np.diag(self.usual.variance)
+        self.doubted[robots], self._right[robots], self._wrong[robots] = why, 0, 0
+
+
+class _LastPoses:
+    """Where each camera was last, and when; a robot may have several, far from each other."""
+
+    def __init__(self) -> None:
+        self._at_ns = np.zeros(0, np.int64)
+        self._position = np.zeros((0, 3))
+
+    def have_jumped(self, cameras: Rows, at_ns: NDArray[np.int64], position: Floats) -> Bools:
+        """Return which cameras moved faster than robots do; they are where they are from now on."""
+        more = int(cameras.max(initial=-1)) + 1 - len(self._at_ns)
+        if more > 0:
+            self._at_ns = np.concatenate([self._at_ns, np.zeros(more + _FIRST, np.int64)])
+            self._position = np.concatenate([self._position, np.zeros((more + _FIRST, 3))])
+        before = self._at_ns[cameras]
+        passed = np.maximum(at_ns - before, 0) / NS
+        moved = np.hypot(*(position - self._position[cameras])[:, :2].T)
+        self._at_ns[cameras], self._position[cameras] = at_ns, position
+        return np.asarray((before > 0) & (moved > JUMP_M + JUMP_M_S * passed))
+
+
+def _sums(group: Rows, count: int, away: Floats, moved: Floats, covariance: Floats) -> tuple[Floats, Floats]:
+    """Return each robot's normal matrix (3 x 3) and vector of x, y, yaw, outliers pulling little."""
+    xx, xy, yy = covariance.T
+    det = xx * yy - xy * xy
+    weights = np.stack([yy, -xy, -xy, xx], axis=1).reshape(-1, 2, 2) / det[:, np.newaxis, np.newaxis]
+    size = np.einsum("ni,nij,nj->n", moved, weights, moved)
+    weights *= np.minimum(1.0, OUTLIER / np.maximum(size, 1e-9))[:, np.newaxis, np.newaxis]
+    design = np.zeros((len(moved), 2, 3))
+    design[:, 0, 0] = design[:, 1, 1] = 1.0
+    design[:, 0, 2], design[:, 1, 2] = -away[:, 1], away[:, 0]
+    pulled = np.einsum("nki,nkl->nil", design, weights)
+    normal, vector = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    np.add.at(normal, group, pulled @ design)
+    np.add.at(vector, group, np.einsum("nil,nl->ni", pulled, moved))
+    return normal, vector

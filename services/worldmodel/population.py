@@ -1,0 +1,252 @@
+"""The objects that a model knows: how they come, are told, become one, and go; by which rules. Pure."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schemas.world import ChangeKind
+from services.worldmodel.classes import Classes
+from services.worldmodel.events import Event, Gone
+from services.worldmodel.evidence import Looks
+from services.worldmodel.frames import Frames
+from services.worldmodel.fusion import begin, fit, is_compound
+from services.worldmodel.objects import Index, Objects
+from services.worldmodel.offsets import Localisation
+from services.worldmodel.placement import Sightings
+from services.worldmodel.solids import Merger, merge, shifted
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How a model decides.
+
+    localisation: how far poses are off. most_objects: of the site. most_new: new objects that a robot may bring in a
+    view. Log-odds: a new object has `first`; a sighting with a score of 1 brings `hit`, less from farther away than
+    `sure_m`, down to the share `least_sure`; a look that should show an object and does not takes `miss`, one past its
+    place takes `past`; no more than `most`. confirm, fewest_hits: log-odds and sightings from which on an object is
+    confirmed. gone: log-odds below which it is gone. moved_m: how far an object must have moved to be told as moved.
+    fit_every: sightings until an object's box is fitted again.
+    """
+
+    localisation: Localisation = field(default_factory=Localisation)
+    most_objects: int = 100_000
+    most_new: int = 100
+    first: float = -1.0
+    hit: float = 1.4
+    confirm: float = 1.8
+    fewest_hits: int = 3
+    gone: float = -1.5
+    miss: float = 1.2
+    past: float = 1.6
+    most: float = 4.0
+    moved_m: float = 0.4
+    fit_every: int = 4
+    sure_m: float = 6.0
+    least_sure: float = 0.3
+
+
+Rows = NDArray[np.intp]
+Floats = NDArray[np.float64]
+
+NS: Final = 1_000_000_000
+YOUNG: Final = 8
+"""Objects that were seen more often have their box fitted now and then only."""
+
+SELDOM: Final = 0.35
+"""What is seen less often than this share of the times that it should be, is nothing."""
+
+LASTING: Final = 0.5
+"""Log-odds below which misses alone do not bring an object that was seen often."""
+
+UNCONFIRMED_NS: Final = 60 * NS
+MOST_ROWS: Final = 1 << 32
+TOO_MANY: Final = "the site has its most objects"
+FLOOD: Final = "more new objects than a robot may bring"
+
+
+class Population:
+    """A site's objects by row. left_out: counts by robot and reason, shared with the model. events: of this batch."""
+
+    def __init__(self, rules: Rules, classes: Classes, left_out: Counter[tuple[str, str]]) -> None:
+        self.objects = Objects.none()
+        self.index = Index()
+        self.next_number = 0
+        self.events: list[Event] = []
+        self._rules = rules
+        self._classes = classes
+        self._left_out = left_out
+        self._merger = Merger()
+        self._gone = Gone()
+        self._free = list(range(self.objects.capacity))[::-1]
+        self._dropped: list[int] = []
+        self._swept_ns = 0
+
+    def begin(self) -> None:
+        """Begin a batch: what was told of the last one is told; rows of what went then may be used again."""
+        self.events = []
+        self._free += self._dropped
+        self._dropped = []
+
+    def restore(self, objects: Objects, next_number: int) -> None:
+        """Go on with objects that were known before, where none is known."""
+        self.objects, self.next_number = objects, next_number
+        self._free = np.flatnonzero(objects.number < 0)[::-1].tolist()
+        rows = objects.known()
+        self.index.put(rows, objects.centre[rows])
+
+    def keys(self, frame: Rows, rows: Rows) -> Rows:
+        """Return numbers of pairs of views and rows."""
+        return frame * MOST_ROWS + rows
+
+    def create(self, frames: Frames, seen: Sightings, new: Rows, pose: Floats) -> None:
+        """Make new objects of sightings of nothing known."""
+        new = new[~is_compound(seen, self._classes)[new]]
+        new = self._allowed(frames, seen, new)
+        if not len(new):
+            return
+        rows = np.array([self._row() for _ in range(len(new))], np.intp)
+        objects, frame = self.objects, seen.frame[new]
+        objects.clear(rows)
+        begin(objects, rows, seen.taken(new), pose[new], self._classes)
+        objects.anchor_robot[rows] = frames.robots[frame]
+        objects.logit[rows] = self._rules.first + gain(self._rules, seen, new)
+        objects.hits[rows] = 1
+        for times in (objects.first_ns, objects.last_ns, objects.series_ns):
+            times[rows] = frames.at_ns[frame]
+        note_seers(objects, rows, frames.cameras[frame], frames.at_ns[frame])
+        self.fit(rows)
+
+    def _allowed(self, frames: Frames, seen: Sightings, new: Rows) -> Rows:
+        """Return the new objects that there is room for; what is left out is counted."""
+        frame = seen.frame[new]
+        nth = np.arange(len(new)) - np.searchsorted(frame, frame)
+        room = self._rules.most_objects - (self.objects.capacity - len(self._free) - len(self._dropped))
+        flood, full = nth >= self._rules.most_new, np.arange(len(new)) >= room
+        for why, which in ((FLOOD, flood), (TOO_MANY, full & ~flood)):
+            for each in frame[which].tolist():
+                self._left_out[frames.views[each].header.robot, why] += 1
+        return np.asarray(new[~flood & ~full])
+
+    def _row(self) -> int:
+        if not self._free:
+            before = self.objects.capacity
+            self.objects.grow()
+            self._free = list(range(before, self.objects.capacity))[::-1]
+        row = self._free.pop()
+        self.objects.number[row] = self.next_number
+        self.next_number += 1
+        return row
+
+    def fit(self, rows: Rows) -> None:
+        """Fit the boxes of objects to what is known of them now."""
+        if len(rows):
+            fit(self.objects, rows, self._classes)
+            self.index.put(rows, self.objects.centre[rows])
+
+    def confirm(self, frames: Frames, frame: Rows, rows: Rows, looks: Looks, found: Rows) -> None:
+        objects, rules = self.objects, self._rules
+        rows, first = np.unique(rows, return_index=True)
+        if not len(rows):
+            return
+        frame_of = frame[first]
+        due = (objects.fits[rows] >= rules.fit_every) | (objects.hits[rows] <= YOUNG)
+        due |= self._classes.moves[objects.cls[rows]]
+        self.fit(rows[due])
+        self._merge(frames, frame_of[due], rows[due], looks, found)
+        there = (objects.number[rows] >= 0) & due
+        rows, frame_of = rows[there], frame_of[there]
+        ready = ~objects.confirmed[rows] & (objects.logit[rows] >= rules.confirm)
+        ready &= objects.hits[rows] >= rules.fewest_hits
+        far = objects.confirmed[rows] & (shifted(objects.outline[rows], objects.told_outline[rows]) > rules.moved_m)
+        for row, each, new in zip(
+            rows[ready | far].tolist(), frame_of[ready | far].tolist(), ready[ready | far].tolist(), strict=True
+        ):
+            self._tell(ChangeKind.APPEARED if new else ChangeKind.MOVED, row, frames, each)
+
+    def _tell(self, kind: ChangeKind, row: int, frames: Frames, frame: int, into: int | None = None) -> None:
+        objects, at_ns = self.objects, int(frames.at_ns[frame])
+        x, y = objects.centre[row].tolist()
+        at = x, y, float(objects.low[row] + objects.high[row]) / 2
+        before = tuple(objects.told[row].tolist()) if kind is ChangeKind.MOVED else None
+        if kind is ChangeKind.APPEARED:
+            objects.confirmed[row] = True
+            number = self._gone.take(int(objects.cls[row]), at, at_ns)
+            if number is not None:
+                kind, objects.number[row] = ChangeKind.BACK, number
+        objects.told[row], objects.told_outline[row], objects.told_ns[row] = at, objects.outline[row], at_ns
+        robot = int(frames.robots[frame])
+        number = int(objects.number[row])
+        self.events.append(Event(kind, row, number, at_ns, robot, before, into))
+
+    def _merge(self, frames: Frames, frame: Rows, rows: Rows, looks: Looks, found: Rows) -> None:
+        objects = self.objects
+        number, second = self.index.near(objects.centre[rows])
+        first, frame = rows[number], frame[number]
+        kept = (objects.cls[first] == objects.cls[second]) & (first != second)
+        first, second, frame = first[kept], second[kept], frame[kept]
+        keys = self.keys(frame, second)
+        together = np.isin(keys, found)
+        apart = np.isin(keys, self.keys(looks.frame, looks.rows)) & ~together
+        for one, other in self._merger.doubles(objects, self._classes, first, second, together=together, apart=apart):
+            if objects.number[one] >= 0 and objects.number[other] >= 0:
+                kept_row, lost = merge(objects, self._classes, one, other)
+                if objects.confirmed[lost]:
+                    by = int(frame[(first == one) & (second == other)][0])
+                    self._tell(ChangeKind.MERGED, lost, frames, by, int(objects.number[kept_row]))
+                self._drop(lost)
+                self.fit(np.array([kept_row], np.intp))
+
+    def miss(self, frames: Frames, looks: Looks, found: Rows) -> None:
+        """Hold looks that do not show an object against it."""
+        objects, rules = self.objects, self._rules
+        seen = np.isin(self.keys(looks.frame, looks.rows), found)
+        late = frames.at_ns[looks.frame] > objects.last_ns[looks.rows]
+        missed = looks.taken(~seen & late & (objects.number[looks.rows] >= 0))
+        if not len(missed.rows):
+            return
+        rate = self._classes.rate(objects.cls[missed.rows], missed.distance)
+        weak = rules.miss * rate / (1 + objects.hits[missed.rows] / 4)
+        rows, at = np.unique(missed.rows, return_inverse=True)
+        past = np.bincount(at, missed.past) > 0
+        loss = np.bincount(at, np.where(missed.past, rules.past, weak))
+        objects.looks[rows] += np.bincount(at, rate)
+        np.maximum.at(objects.looked_ns, missed.rows, frames.at_ns[missed.frame])
+        lasting = objects.confirmed[rows] & ~past & (objects.hits[rows] >= SELDOM * objects.looks[rows])
+        least = np.where(lasting, np.minimum(objects.logit[rows], LASTING), -np.inf)
+        objects.logit[rows] = np.maximum(objects.logit[rows] - loss, least)
+        for row in rows[objects.logit[rows] < rules.gone].tolist():
+            if objects.confirmed[row]:
+                by = int(missed.frame[np.flatnonzero(missed.rows == row)[-1]])
+                self._tell(ChangeKind.GONE, row, frames, by)
+                at3 = tuple(objects.told[row].tolist())
+                self._gone.add(int(objects.number[row]), int(objects.cls[row]), at3, int(frames.at_ns[by]))
+            self._drop(row)
+
+    def sweep(self, now_ns: int) -> None:
+        """Forget what was not confirmed in a while."""
+        objects = self.objects
+        self._swept_ns = now_ns
+        rows = objects.known()
+        for row in rows[~objects.confirmed[rows] & (objects.last_ns[rows] < now_ns - UNCONFIRMED_NS)].tolist():
+            self._drop(row)
+
+    def _drop(self, row: int) -> None:
+        self.index.drop(row)
+        self.objects.number[row] = -1
+        self.objects.confirmed[row] = False
+        self._dropped.append(row)  # what is told of it is made of the row
+
+
+def gain(rules: Rules, seen: Sightings, which: Rows) -> Floats:
+    """Return the log-odds that sightings bring; those from far away bring less."""
+    return np.asarray(rules.hit * seen.score[which] * np.clip(rules.sure_m / seen.depth[which], rules.least_sure, 1))
+
+
+def note_seers(objects: Objects, rows: Rows, cameras: Rows, at_ns: NDArray[np.int64]) -> None:
+    """Note which camera saw each object."""
+    same = objects.seers[rows] == cameras[:, np.newaxis]
+    slot = np.where(same.any(axis=1), same.argmax(axis=1), objects.seers_ns[rows].argmin(axis=1))
+    objects.seers[rows, slot], objects.seers_ns[rows, slot] = cameras, at_ns

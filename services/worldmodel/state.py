@@ -1,0 +1,84 @@
+"""A model's state as bytes, for a restart and for workers that stand by. Pure."""
+
+from dataclasses import fields
+from typing import Annotated, Any, Final
+
+import msgspec
+import numpy as np
+
+from services.worldmodel.model import SiteModel
+from services.worldmodel.objects import Objects
+
+VERSION: Final = 1
+_LEFT_OUT: Final = frozenset({"anchor", "anchor_variance", "anchor_robot"})
+"""Offsets are estimated anew, so what they were estimated from is not kept."""
+
+
+class StateError(Exception):
+    """Bytes that are no state of a model, or of another version."""
+
+
+class _Column(msgspec.Struct, frozen=True, array_like=True):
+    kind: Annotated[str, msgspec.Meta(pattern=r"^<[fiu]\d$|^\|b1$")]
+    data: bytes
+
+
+class _State(msgspec.Struct, frozen=True, kw_only=True):
+    version: int
+    site: str
+    prefix: str
+    last: int
+    next_number: int
+    classes: list[str]
+    cameras: list[tuple[str, str]]
+    columns: dict[str, _Column]
+
+
+def saved(site: str, prefix: str, last: int, model: SiteModel) -> bytes:
+    """Return a model's confirmed objects. prefix: of its ids. last: number of the last change that was told."""
+    rows = model.objects.told_to_others()
+    columns = {}
+    for each in fields(Objects):
+        if each.name not in _LEFT_OUT:
+            array = getattr(model.objects, each.name)[rows]
+            columns[each.name] = _Column(array.dtype.str, np.ascontiguousarray(array).tobytes())
+    return msgspec.msgpack.encode(
+        _State(
+            version=VERSION,
+            site=site,
+            prefix=prefix,
+            last=last,
+            next_number=model.population.next_number,
+            classes=model.classes.names,
+            cameras=model.cameras,
+            columns=columns,
+        )
+    )
+
+
+def restored(site: str, data: bytes, model: SiteModel) -> tuple[str, int]:
+    """Fill a new model with what was saved of the site; return the prefix of its ids, and the last change's number.
+
+    Raises:
+        StateError: they are no state of this site and version.
+    """
+    try:
+        state = msgspec.msgpack.decode(data, type=_State)
+        if state.version != VERSION or state.site != site:
+            raise StateError(f"the state is of site {state.site!r} and version {state.version}")
+        arrays = {name: np.frombuffer(column.data, column.kind) for name, column in state.columns.items()}
+        objects = _objects(arrays)
+    except (msgspec.MsgspecError, ValueError, TypeError, KeyError) as error:
+        raise StateError(f"not the state of a model: {error}") from error
+    model.restore(objects, state.classes, [(robot, camera) for robot, camera in state.cameras], state.next_number)
+    return state.prefix, state.last
+
+
+def _objects(arrays: dict[str, np.ndarray[Any, Any]]) -> Objects:
+    count = len(arrays["number"])
+    objects = Objects.none(max(count, 1))
+    for each in fields(Objects):
+        if each.name in arrays:
+            column = getattr(objects, each.name)
+            column[:count] = arrays[each.name].reshape(count, *column.shape[1:])
+    return objects

@@ -1,0 +1,111 @@
+"""What others get of a model: answers, what is near, how the floor was looked at, and its state over a restart."""
+
+import numpy as np
+import pytest
+
+from schemas.world import WorldRequest
+from services.worldmodel.floor import EVERY_NS, Floor
+from services.worldmodel.inventory import Inventory, inside
+from services.worldmodel.model import SiteModel
+from services.worldmodel.settings import WorldSettings
+from services.worldmodel.state import StateError, restored, saved
+from tests.services.worldmodel.scene import NS, Camera, Thing, known, view, watch
+
+THINGS = [Thing(3.0, 0.8), Thing(4.0, -0.9), Thing(4.2, 0.5, (1.2, 0.8, 0.14), name="pallet")]
+NOW_NS = 10 * NS
+
+
+def seen() -> Inventory:
+    model = SiteModel()
+    watch(model, THINGS, [Camera(robot="r1"), Camera(0.5, 0.0, robot="r2")], 1.0, 6)
+    watch(model, THINGS[:1], [Camera(0.5, 0.8, robot="r3")], 5.0, 2)
+    return Inventory("hall-2", "a1", model)
+
+
+def names(inventory: Inventory, asked: WorldRequest) -> list[str]:
+    return [each.name for each in inventory.matching(asked, NOW_NS)[0]]
+
+
+def test_objects_are_found_by_class_region_robot_and_age() -> None:
+    inventory = seen()
+    assert names(inventory, WorldRequest()) == ["box", "box", "pallet"]
+    assert names(inventory, WorldRequest(name="pallet")) == ["pallet"]
+    assert names(inventory, WorldRequest(name="drum")) == []
+    assert names(inventory, WorldRequest(region=[(2, 0), (3.5, 0), (3.5, 2), (2, 2)])) == ["box"]
+    assert names(inventory, WorldRequest(robot="r3")) == ["box"]
+    assert names(inventory, WorldRequest(seen_within_s=5.0)) == ["box"]
+    assert names(inventory, WorldRequest(unseen_for_s=5.0)) == ["box", "pallet"]
+    assert names(inventory, WorldRequest(least_existence=1.0)) == []
+
+
+def test_an_object_says_where_it_is_and_who_saw_it() -> None:
+    inventory = seen()
+    ((box,), whole) = inventory.matching(WorldRequest(robot="r3"), NOW_NS)
+    assert whole
+    assert (box.id.startswith("a1-"), box.site, box.velocity) == (True, "hall-2", None)
+    assert box.at == pytest.approx((3.0, 0.8, 0.2), abs=0.06)
+    assert [seer.robot for seer in box.seen_by] == ["r3", "r2", "r1"]
+    assert box.last_ns > box.first_ns == NS
+    assert box.existence > 0.9
+
+
+def test_what_is_near_a_robot_is_told_nearest_first() -> None:
+    inventory = seen()
+    near = inventory.nearby("r1", 3.5, 0)
+    assert [each.name for each in near] == ["box"]
+    assert len(inventory.nearby("r1", 8.0, 0)) == 3
+    assert inventory.nearby("r1", 8.0, NOW_NS) == []
+    assert inventory.nearby("nobody", 8.0, 0) == []
+
+
+def test_what_was_seen_is_told_again_but_not_at_once() -> None:
+    inventory = seen()
+    assert inventory.refreshed(6 * NS, 10 * NS) == []
+    assert len(inventory.refreshed(20 * NS, 10 * NS)) == 3
+    assert inventory.refreshed(21 * NS, 10 * NS) == []
+
+
+def test_a_model_goes_on_after_a_restart_with_the_same_ids() -> None:
+    inventory = seen()
+    data = saved("hall-2", "a1", 7, inventory.model)
+    again = SiteModel()
+    assert restored("hall-2", data, again) == ("a1", 7)
+    after = Inventory("hall-2", "a1", again).matching(WorldRequest(), NOW_NS)[0]
+    assert after == inventory.matching(WorldRequest(), NOW_NS)[0]
+    assert "appeared" not in watch(again, THINGS, [Camera(robot="r4")], 12.0, 6)
+    assert len(known(again)) == len(THINGS)
+    watch(again, [*THINGS, Thing(3.0, -0.6)], [Camera(robot="r4")], 16.0, 6)
+    assert len({each.id for each in Inventory("hall-2", "a1", again).matching(WorldRequest(), NOW_NS)[0]}) == 4
+
+
+@pytest.mark.parametrize("data", [b"", b"\x80", saved("hall-3", "a1", 7, SiteModel())], ids=["empty", "other", "site"])
+def test_what_is_no_state_of_the_site_is_refused(data: bytes) -> None:
+    with pytest.raises(StateError):
+        restored("hall-2", data, SiteModel())
+
+
+def test_points_are_in_a_polygon_or_not() -> None:
+    corners = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (1.0, 0.5), (0.0, 2.0)]
+    points = np.array([(0.5, 0.5), (1.0, 1.5), (1.9, 1.0), (3.0, 1.0), (-1.0, 0.0)])
+    assert inside(points, corners).tolist() == [True, False, True, False, False]
+
+
+def test_the_floor_that_was_looked_at_is_as_old_as_the_look() -> None:
+    floor = Floor()
+    floor.take(view([], Camera(), 5.0), 5 * NS)
+    said = floor.message("hall-2", 25 * NS)
+    ages = np.frombuffer(said.ages, "<u2").reshape(said.rows, said.columns)
+    column, row = int(4.0 - said.origin[0]), int(0.0 - said.origin[1])
+    assert ages[row, column] == 20
+    assert ages[row, int(-3.0 - said.origin[0])] == 65_535
+    floor.take(view([], Camera(100.0, 0.0), 6.0), 5 * NS + EVERY_NS)
+    grown = floor.message("hall-2", 25 * NS)
+    assert grown.columns > said.columns
+
+
+def test_sites_are_given_with_their_robots() -> None:
+    assert WorldSettings().robots_of == {"main": ()}
+    assert WorldSettings(sites=["hall-2=r1+r2", "hall-3=*"]).robots_of == {"hall-2": ("r1", "r2"), "hall-3": ()}
+    for wrong in (["a/b=r1"], ["hall=r/1"], ["hall=r1", "hall=r2"], []):
+        with pytest.raises(ValueError, match="site"):
+            WorldSettings(sites=wrong)
