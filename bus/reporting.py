@@ -12,6 +12,7 @@ import msgspec
 from bus.api import Bus, QoS
 from schemas import codec
 from schemas.status import GatewayStatus, WorkerStatus
+from schemas.world import SiteStatus
 
 log = logging.getLogger(__name__)
 
@@ -20,7 +21,7 @@ STATUS_PERIOD_S: Final = 1.0
 COMPLAIN_S: Final = 30.0
 """Shortest interval between log messages on statuses that cannot be sent."""
 
-S = TypeVar("S", GatewayStatus, WorkerStatus)
+S = TypeVar("S", GatewayStatus, WorkerStatus, SiteStatus)
 
 
 async def report(bus: Bus, key: str, kind: type[S], status: Callable[[], S]) -> None:

@@ -66,6 +66,12 @@ def world_status(site: str) -> str:
     return f"world/{site}/status"
 
 
+def world_state(site: str) -> str:
+    """Return the key of a world model's state, for workers that stand by; only they know its form."""
+    check_name("site", site)
+    return f"world/{site}/state"
+
+
 EVERY_WORLD_CHANGES: Final = "world/*/changes"
 EVERY_WORLD_STATUS: Final = "world/*/status"
 
@@ -77,7 +83,7 @@ def parse_world(key: str) -> tuple[str, str]:
         SchemaError: the key is not of that form.
     """
     match key.split("/"):
-        case ["world", site, ("changes" | "objects" | "floor" | "status") as what]:
+        case ["world", site, ("changes" | "objects" | "floor" | "status" | "state") as what]:
             check_name("site", site)
             return site, what
     raise SchemaError(f"not a site's key: {key[:200]!r}")

@@ -7,7 +7,7 @@ from typing import Final, NoReturn
 
 from services.toolbox import stdio
 
-LASTING: Final = frozenset({"gateway", "detector", "distance", "cloud", "monitor", "simulate", "demo"})
+LASTING: Final = frozenset({"gateway", "detector", "distance", "cloud", "worldmodel", "monitor", "simulate", "demo"})
 """Commands that run until stopped. The others are interrupted, not done, when stopped; see `process.run`."""
 
 

@@ -125,6 +125,17 @@ COMMANDS: Final = (
         examples=("fleetsight cloud --robots r1 --connect tcp/central:7447",),
     ),
     Command(
+        "worldmodel",
+        "anywhere: keep one inventory of a site, every object once, from what all robots see",
+        "services.worldmodel.settings:WorldSettings",
+        "services.worldmodel.process:run",
+        extra="worldmodel",
+        examples=(
+            "fleetsight worldmodel --connect tcp/central:7447 --state /var/lib/fleetsight/world",
+            "fleetsight worldmodel --sites hall-2=r1+r2,hall-3=r3 --connect tcp/central:7447",
+        ),
+    ),
+    Command(
         "clouds",
         "show the clouds of a camera's objects in 3D, or save them as PLY and PCD",
         "services.toolbox.clouds.settings:CloudsSettings",

@@ -67,6 +67,12 @@ def test_what_measures_needs_no_torch(statement: str) -> None:
     assert not [name for name in NO_TORCH if name in found]
 
 
+def test_the_world_model_needs_neither_torch_nor_opencv() -> None:
+    found = imported_by("import services.worldmodel.process, services.toolbox.command_line")
+    assert "services.worldmodel.model" in found
+    assert not {*NO_TORCH, "cv2"} & found
+
+
 def test_a_program_against_the_fleet_loads_the_bus_and_the_contract_alone() -> None:
     found = imported_by("import fleetsight.api")
     assert {"bus", "schemas", "zenoh"} <= found

@@ -59,7 +59,7 @@ def run(line: str, folder: Path, now: str) -> None:
     subprocess.run(["bash", "-euc", f"date() {{ echo {now}; }}; {there}"], check=True)
 
 
-@pytest.mark.parametrize("name", ["gateway", "monitor", "detector"])
+@pytest.mark.parametrize("name", ["gateway", "monitor", "detector", "worldmodel"])
 def test_what_debian_leaves_out_of_python_is_installed_first(name: str) -> None:
     first, second, *_ = commands(DEPLOY / f"fleetsight-{name}.service")
     assert first == ["apt-get", "install", "python3-venv"]

@@ -30,7 +30,7 @@ def root(tmp_path: Path) -> Path:
     return tmp_path
 
 
-UNITS = ["gateway", "space@distance", "space@cloud", "monitor", "detector"]
+UNITS = ["gateway", "space@distance", "space@cloud", "monitor", "detector", "worldmodel"]
 
 
 @pytest.mark.parametrize("unit", UNITS)
@@ -41,7 +41,7 @@ def test_systemd_has_nothing_to_say_against_the_units(root: Path, unit: str) -> 
     assert (said.returncode, said.stdout, said.stderr) == (0, "", "")
 
 
-@pytest.mark.parametrize("name", ["gateway", "space@", "monitor", "detector"])
+@pytest.mark.parametrize("name", ["gateway", "space@", "monitor", "detector", "worldmodel"])
 def test_a_unit_allows_as_many_files_as_a_router_may_have_links(name: str) -> None:
     (files,) = values(name, "LimitNOFILE")
     assert most_links(int(files)) == MAX_LINKS

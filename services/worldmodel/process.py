@@ -1,0 +1,171 @@
+"""The process of the world model: serves the sites that no other worker serves, and stands by for the others."""
+
+import asyncio
+import logging
+import time
+from asyncio import Event, Task, TaskGroup
+from pathlib import Path
+from typing import Final
+
+from bus import LATEST, Bus, Watch, open_bus
+from bus.reporting import VERSION, report
+from bus.sharing.rendezvous import owner
+from schemas import worker_keys
+from schemas.errors import SchemaError
+from schemas.status import WorkerStatus
+from schemas.worker_keys import Serves, WorkerAlive, parse_worker_alive
+from services.worldmodel.settings import WorldSettings
+from services.worldmodel.site import Site, site_key
+
+SERVICE: Final = "worldmodel"
+JOIN_S: Final = 0.5
+"""Time for which a new worker watches the others before it takes a site."""
+
+SETTLE_S: Final = 0.3
+"""Time for which a site must be without a worker before another one takes it."""
+
+log = logging.getLogger(__name__)
+
+
+class WorldWorker:
+    """One worker. A site stays with the worker that has it for as long as that is there: its state is large."""
+
+    def __init__(self, bus: Bus, settings: WorldSettings, *, join_s: float = JOIN_S) -> None:
+        self._bus = bus
+        self._settings = settings
+        self._join_s = join_s
+        self._token = parse_worker_alive(str(WorkerAlive(SERVICE, settings.worker)))
+        self._workers: set[WorkerAlive] = {self._token}
+        self._served: dict[str, set[str]] = {}
+        self._news = Event()
+        self._states: dict[str, bytes] = {}
+        self._tasks: dict[str, Task[None]] = {}
+
+    async def run(self) -> None:
+        """Work until cancelled."""
+        async with (
+            self._bus.watch(worker_keys.every_worker_alive(SERVICE)) as workers,
+            self._bus.watch(worker_keys.every_serves(SERVICE)) as serving,
+            TaskGroup() as group,
+        ):
+            group.create_task(self._watch_workers(workers))
+            group.create_task(self._watch_served(serving))
+            for site in self._settings.robots_of:
+                group.create_task(self._stand_by(site))
+            await asyncio.sleep(self._join_s)
+            async with self._bus.announce(str(self._token)):
+                status = worker_keys.worker_status(SERVICE, self._settings.worker)
+                group.create_task(report(self._bus, status, WorkerStatus, self._status))
+                await asyncio.sleep(SETTLE_S)
+                await self._take_sites(group)
+
+    async def _take_sites(self, group: TaskGroup) -> None:
+        while True:
+            self._news.clear()
+            for site in self._settings.robots_of:
+                if site not in self._tasks and self._is_mine(site):
+                    self._tasks[site] = group.create_task(self._serve(site))
+            await self._news.wait()
+            await asyncio.sleep(SETTLE_S)
+
+    def _is_mine(self, site: str) -> bool:
+        others = self._served.get(site, set()) - {self._settings.worker}
+        return not others and owner(site_key(site), self._workers) == self._settings.worker
+
+    async def _serve(self, site: str) -> None:
+        file = self._file(site)
+        state = self._states.get(site, b"")
+        if not state and file is not None:
+            state = await asyncio.to_thread(_read, file)
+        served = Site(self._bus, self._settings, site, state)
+        log.info("site %s: serving it, with %d objects", site, int(served.model.objects.confirmed.sum()))
+        pending = asyncio.Queue[bytes](1)
+
+        def keep(state: bytes) -> None:
+            self._states[site] = state
+            if file is not None and not pending.full():
+                pending.put_nowait(state)
+
+        async with (
+            self._bus.announce(str(Serves(SERVICE, self._settings.worker, site_key(site)))),
+            TaskGroup() as group,
+        ):
+            if file is not None:
+                group.create_task(_write_all(file, pending))
+            try:
+                await served.run(keep)
+            finally:
+                if file is not None:
+                    _write(file, served.state())
+
+    def _file(self, site: str) -> Path | None:
+        return None if self._settings.state is None else self._settings.state / f"{site}.world"
+
+    async def _stand_by(self, site: str) -> None:
+        """Keep the newest state of a site that another worker serves."""
+        async with self._bus.subscribe(worker_keys.world_state(site), LATEST) as states:
+            async for sample in states:
+                if site not in self._tasks:
+                    self._states[site] = sample.payload
+
+    async def _watch_workers(self, watch: Watch) -> None:
+        async for presence in watch:
+            try:
+                worker = parse_worker_alive(presence.key)
+            except SchemaError:
+                continue
+            (self._workers.add if presence.alive else self._workers.discard)(worker)
+            self._workers.add(self._token)
+            self._news.set()
+
+    async def _watch_served(self, watch: Watch) -> None:
+        async for presence in watch:
+            try:
+                token = worker_keys.parse_serves(presence.key)
+            except SchemaError:
+                continue
+            workers = self._served.setdefault(token.camera.robot, set())
+            (workers.add if presence.alive else workers.discard)(token.worker)
+            self._news.set()
+
+    def _status(self) -> WorkerStatus:
+        return WorkerStatus(
+            service=SERVICE,
+            worker=self._settings.worker,
+            model="",
+            sent_ns=time.time_ns(),
+            cameras=[],
+            version=VERSION,
+        )
+
+
+def _read(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except FileNotFoundError:
+        return b""
+    except OSError as error:
+        log.warning("%s: not read, begun anew: %s", file, error.strerror)
+        return b""
+
+
+def _write(file: Path, state: bytes) -> None:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        partial = file.with_suffix(".part")
+        partial.write_bytes(state)
+        partial.replace(file)
+    except OSError as error:
+        log.warning("%s: not written: %s", file, error.strerror)
+
+
+async def _write_all(file: Path, states: "asyncio.Queue[bytes]") -> None:
+    while True:
+        await asyncio.to_thread(_write, file, await states.get())
+
+
+async def run(settings: WorldSettings) -> None:
+    """Run a worker until cancelled."""
+    async with open_bus(settings) as bus:
+        log.info("world model's worker %s is ready", settings.worker)
+        await WorldWorker(bus, settings).run()

@@ -1,0 +1,249 @@
+"""Serves one site: takes views in, tells changes, answers queries, tells robots what is near them."""
+
+import asyncio
+import logging
+import time
+from asyncio import TaskGroup
+from collections import Counter
+from collections.abc import Callable, Sequence
+from math import radians
+from typing import Final
+from uuid import uuid4
+
+from bus import LATEST, Bus, Publisher, QoS, RefusedError, Reply, Request, Sample
+from bus.reporting import report
+from schemas import codec, keys, worker_keys
+from schemas.distances import CameraView
+from schemas.errors import SchemaError
+from schemas.keys import NEARBY, RobotStreamKey, Stream
+from schemas.world import (
+    MAX_CHANGES,
+    MAX_PROBLEMS,
+    FloorLooks,
+    NearbyObjects,
+    SiteStatus,
+    WorldAnswer,
+    WorldChange,
+    WorldChanges,
+    WorldRequest,
+)
+from services.worldmodel.floor import Floor
+from services.worldmodel.inventory import Inventory
+from services.worldmodel.model import SiteModel
+from services.worldmodel.offsets import Localisation
+from services.worldmodel.population import Rules
+from services.worldmodel.settings import WorldSettings
+from services.worldmodel.state import StateError, restored, saved
+
+log = logging.getLogger(__name__)
+
+APART_NS: Final = 5_000_000_000
+"""A view with a stamp that is farther from when it came is taken to be taken when it came: clocks are apart."""
+
+REPLACED: Final = "views replaced by newer ones"
+MALFORMED: Final = "malformed views"
+OTHER_FRAME: Final = "views in another frame than the site's"
+CLOCKS_APART: Final = "views whose stamps are far from when they came, taken as of then"
+
+
+class ViewReader:
+    """Decodes views. frame: of the site's map. left_out: counts, by reason. lag_ns: how long the last ones waited."""
+
+    def __init__(self, frame: str) -> None:
+        self._frame = frame
+        self.left_out: Counter[str] = Counter()
+
+    def read(self, samples: Sequence[Sample]) -> list[tuple[CameraView, int]]:
+        """Return the views of some samples, each with when it was taken, in that order."""
+        found = [each for each in map(self._read, samples) if each is not None]
+        return sorted(found, key=lambda each: each[1])
+
+    def _read(self, sample: Sample) -> tuple[CameraView, int] | None:
+        if sample.replaced:
+            self.left_out[REPLACED] += sample.replaced
+        try:
+            view = codec.decode(CameraView, sample.payload, sample.encoding)
+            codec.check_identity(view.header, keys.parse_stream(sample.key).camera)
+        except SchemaError as error:
+            self.left_out[MALFORMED] += 1
+            log.warning("%s left out: %s", sample.key, error)
+            return None
+        if view.frame_id != self._frame:
+            self.left_out[OTHER_FRAME] += 1
+            return None
+        stamp_ns = view.header.stamp_ns
+        if abs(sample.received_ns - stamp_ns) > APART_NS:
+            self.left_out[CLOCKS_APART] += 1
+            stamp_ns = sample.received_ns
+        return view, stamp_ns
+
+
+log = logging.getLogger(__name__)
+
+AT_ONCE: Final = 48
+"""Views that are taken in together. Of each camera only the newest waits: who is late is so for a moment."""
+
+KEPT: Final = 100
+STATE_S: Final = 2.0
+KEEP_EVERY: Final = 5
+"""Every so manieth state is kept in a file."""
+
+REFRESH_S: Final = 1.0
+SPARE: Final = 1.4
+"""The model takes localisation to be worse than it is said to be: estimates of it err, too."""
+
+
+class Site:
+    """One site's model on the bus. saved_state: of the worker that served it before; nothing to begin anew."""
+
+    def __init__(self, bus: Bus, settings: WorldSettings, name: str, saved_state: bytes = b"") -> None:
+        self._bus = bus
+        self._settings = settings
+        self._name = name
+        usual = Localisation(settings.drift_m * SPARE, radians(settings.drift_deg) * SPARE)
+        self.model = SiteModel(Rules(localisation=usual, most_objects=settings.most_objects))
+        prefix, self._last = uuid4().hex[:6], 0
+        if saved_state:
+            try:
+                prefix, self._last = restored(name, saved_state, self.model)
+            except StateError as error:
+                log.warning("site %s: begun anew: %s", name, error)
+        self._inventory = Inventory(name, prefix, self.model)
+        self._epoch = uuid4().hex[:12]
+        self._floor = Floor()
+        self._reader = ViewReader(settings.frame)
+        self._robots: set[str] = set()
+        self._lag_ns = 0
+
+    def state(self) -> bytes:
+        """Return what another worker goes on with."""
+        return saved(self._name, self._inventory.prefix, self._last, self.model)
+
+    async def run(self, keep: Callable[[bytes], None] = lambda _: None) -> None:
+        """Serve the site until cancelled. keep: called with the state now and then."""
+        changes = worker_keys.world_changes(self._name)
+        state = worker_keys.world_state(self._name)
+        async with (
+            self._bus.publisher(changes, QoS.RESULT, encoding=codec.encoding(WorldChanges), kept=KEPT) as told,
+            self._bus.publisher(state, QoS.RESULT) as states,
+            self._bus.serve(worker_keys.world_objects(self._name), self._answer),
+            self._bus.serve(worker_keys.world_floor(self._name), self._answer_floor),
+            TaskGroup() as group,
+        ):
+            group.create_task(report(self._bus, worker_keys.world_status(self._name), SiteStatus, self._status))
+            group.create_task(self._refresh(told))
+            group.create_task(self._keep_state(states, keep))
+            for robot in self._settings.robots_of[self._name] or ("*",):
+                group.create_task(self._receive(f"fleet/{robot}/*/{Stream.VIEW}", told, group))
+
+    async def _receive(self, views: str, told: Publisher, group: TaskGroup) -> None:
+        async with self._bus.subscribe(views, LATEST, history=False) as samples:
+            async for batch in samples.batches(AT_ONCE):
+                self._lag_ns = max(0, time.time_ns() - batch[0].received_ns)
+                found = self._reader.read(batch)
+                events = self.model.take_all(found)
+                self._tell(told, [self._inventory.change(event) for event in events])
+                for view, at_ns in found:
+                    self._floor.take(view, at_ns)
+                for robot in {view.header.robot for view, _ in found} - self._robots:
+                    self._robots.add(robot)
+                    group.create_task(self._tell_nearby(robot))
+                await asyncio.sleep(0)
+
+    def _tell(self, told: Publisher, changes: list[WorldChange]) -> None:
+        for start in range(0, len(changes), MAX_CHANGES):
+            some = changes[start : start + MAX_CHANGES]
+            message = WorldChanges(
+                site=self._name, epoch=self._epoch, first=self._last + 1, sent_ns=time.time_ns(), changes=some
+            )
+            self._last += len(some)
+            told.put(codec.encode(message))
+
+    async def _refresh(self, told: Publisher) -> None:
+        every_ns = int(self._settings.refresh_s * 1e9)
+        while True:
+            await asyncio.sleep(REFRESH_S)
+            self._tell(told, self._inventory.refreshed(time.time_ns(), every_ns))
+
+    async def _keep_state(self, states: Publisher, keep: Callable[[bytes], None]) -> None:
+        due = 0
+        while True:
+            await asyncio.sleep(STATE_S)
+            due += 1
+            if states.wanted or due >= KEEP_EVERY:
+                state = self.state()
+                states.put(state)
+                if due >= KEEP_EVERY:
+                    keep(state)
+                    due = 0
+
+    async def _tell_nearby(self, robot: str) -> None:
+        settings = self._settings
+        key = str(RobotStreamKey(robot, NEARBY))
+        async with self._bus.publisher(key, QoS.RESULT, encoding=codec.encoding(NearbyObjects)) as publisher:
+            while True:
+                await asyncio.sleep(1 / settings.nearby_hz)
+                if publisher.wanted:
+                    now_ns = time.time_ns()
+                    since_ns = now_ns - int(settings.nearby_s * 1e9)
+                    message = NearbyObjects(
+                        robot=robot,
+                        site=self._name,
+                        frame_id=settings.frame,
+                        sent_ns=now_ns,
+                        radius_m=settings.nearby_m,
+                        objects=self._inventory.nearby(robot, settings.nearby_m, since_ns),
+                    )
+                    publisher.put(codec.encode(message))
+
+    async def _answer(self, request: Request) -> Reply:
+        try:
+            asked = codec.decode(WorldRequest, request.payload, request.encoding) if request.payload else WorldRequest()
+        except SchemaError as error:
+            raise RefusedError(str(error)) from error
+        now_ns = time.time_ns()
+        objects, complete = self._inventory.matching(asked, now_ns)
+        answer = WorldAnswer(
+            site=self._name, epoch=self._epoch, last=self._last, now_ns=now_ns, objects=objects, complete=complete
+        )
+        return Reply(codec.encode(answer), codec.encoding(WorldAnswer))
+
+    async def _answer_floor(self, _: Request) -> Reply:
+        return Reply(codec.encode(self._floor.message(self._name, time.time_ns())), codec.encoding(FloorLooks))
+
+    def _status(self) -> SiteStatus:
+        model = self.model
+        return SiteStatus(
+            site=self._name,
+            epoch=self._epoch,
+            worker=self._settings.worker,
+            sent_ns=time.time_ns(),
+            last=self._last,
+            objects=self._inventory.counts(),
+            tentative=int((model.objects.number >= 0).sum() - model.objects.confirmed.sum()),
+            views=model.views,
+            sightings=model.sightings,
+            left_out=self._left_out(),
+            lag_ns=self._lag_ns,
+            robots=self._inventory.robots(),
+            problems=self._problems(),
+        )
+
+    def _left_out(self) -> dict[str, int]:
+        counts: dict[str, int] = dict(self._reader.left_out)
+        for (_, reason), count in self.model.left_out.items():
+            counts[reason] = counts.get(reason, 0) + count
+        return counts
+
+    def _problems(self) -> list[str]:
+        doubted = [f"{each.robot}: {each.doubted}" for each in self._inventory.robots() if each.doubted]
+        others = [f"{robot}: {count} sightings left out: {why}" for (robot, why), count in self._worst()]
+        return [*doubted, *others][:MAX_PROBLEMS]
+
+    def _worst(self) -> list[tuple[tuple[str, str], int]]:
+        return [each for each in self.model.left_out.most_common(MAX_PROBLEMS) if each[1]]
+
+
+def site_key(name: str) -> keys.CameraKey:
+    """Return the key under which workers share a site, as they do cameras."""
+    return keys.CameraKey(name, "world")
