@@ -31,6 +31,7 @@ from gateway.to_ros.on_demand import Return
 from gateway.to_ros.outputs import actions_return, alerts_return, camera_returns
 from gateway.to_ros.recorders import warn_of_recorders
 from gateway.to_ros.stream import StreamReturn
+from gateway.to_ros.world import world_returns
 from schemas import keys
 from schemas.keys import CameraKey
 from schemas.status import GatewayStatus
@@ -186,5 +187,8 @@ def _camera_returns(settings: GatewaySettings, camera: CameraKey, root: str) -> 
 
 def _robot_returns(settings: GatewaySettings) -> list[StreamReturn[Any]]:
     resolve = settings.names().resolve
-    alerts = [alerts_return(settings.robot, resolve)] if settings.results else []
-    return [*alerts, actions_return(settings.robot, settings.actions, resolve)]
+    results: list[StreamReturn[Any]] = []
+    if settings.results:
+        results.append(alerts_return(settings.robot, resolve))
+        results.extend(world_returns(settings.robot, resolve, own=settings.own_obstacles))
+    return [*results, actions_return(settings.robot, settings.actions, resolve)]

@@ -19,6 +19,7 @@ from gateway.ros1.sim_clock import TOPIC as CLOCK
 from gateway.ros1.wire.tcpros import ANY, DEFAULT_MAX_MESSAGE_BYTES
 from gateway.to_bus.shaping.settings import ShapingSettings
 from gateway.to_ros.outputs import ALERTS_TOPIC, RESULTS, is_result, result_root
+from gateway.to_ros.world import OBJECTS_TOPIC, OBSTACLES_TOPIC
 from gateway.topic_conflicts import check_uses
 from schemas.errors import SchemaError
 from schemas.keys import NAME, CameraKey, SensorKey, Stream, StreamKey, robot_alive, sensor_key, service
@@ -240,7 +241,12 @@ class ReturnSettings(BaseModel):
     heading: ClassVar = "from the fleet to ROS"
 
     results: bool = Field(
-        default=True, description="publish the cameras' results and the alerts on the robot's own ROS graph"
+        default=True,
+        description="publish the cameras' results, the alerts and the objects around on the robot's own ROS graph",
+    )
+    own_obstacles: bool = Field(
+        default=True,
+        description="/fleetsight/obstacles has what the robot itself sees, too, not only what others see",
     )
     actions: Annotated[
         dict[str, str],
@@ -299,6 +305,8 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
             yield resolve(topic), f"action {action}"
         if self.results:
             yield resolve(ALERTS_TOPIC), "the alerts"
+            yield resolve(OBSTACLES_TOPIC), "the obstacles"
+            yield resolve(OBJECTS_TOPIC), "the objects around"
             cameras = [found.camera for found in cameras_of(self.streams())] or ["the first camera"]
             for place, camera in enumerate(cameras):
                 root = result_root(camera, first=not place)

@@ -18,6 +18,7 @@ from gateway.ros1 import point_cloud as ros_point_cloud
 from gateway.ros1.image import Image, encode_image
 from gateway.ros1.messages import new_message, serialise
 from gateway.ros1.point_cloud import PointCloud, PointField, encode_point_cloud
+from gateway.to_ros import world
 from gateway.to_ros.stream import NewerFrames, StreamReturn, Translator, UnseenMessages
 from schemas.alerts import Action, Alert
 from schemas.compression import JPEG, RAW
@@ -29,6 +30,7 @@ from schemas.keys import ACTIONS, ALERTS, CameraKey, RobotStreamKey, Stream, Str
 from schemas.objects import ObjectCloud, ObjectClouds
 
 ROOT: Final = "ultralytics"
+ROOTS: Final = frozenset({ROOT, world.ROOT})
 ALERTS_TOPIC: Final = f"{ROOT}/alerts"
 RESULTS: Final[Mapping[Stream, str]] = {
     Stream.CLASSES: "detection/classes",
@@ -47,7 +49,7 @@ def result_root(camera: str, *, first: bool) -> str:
 
 def is_result(topic: str) -> bool:
     """Return whether a topic is where gateways publish results, in any namespace, so it is no sensor's."""
-    return ROOT in topic.split("/")
+    return not ROOTS.isdisjoint(topic.split("/"))
 
 
 def results_of(gateway: str, publishers: Mapping[str, Collection[str]]) -> list[str]:
@@ -65,8 +67,8 @@ def cure(recorder: str) -> str:
     """Return the advice that keeps a recorder from requesting results."""
     pattern = re.sub(r"_\d+$", "_.*", recorder)  # rosbag's number differs each time
     return (
-        f"`rosbag record -a -x '.*/{ROOT}/.*'` leaves results out; a gateway with --passive-subscribers '{pattern}' "
-        "gives it those that others want"
+        f"`rosbag record -a -x '.*/({ROOT}|{world.ROOT})/.*'` leaves results out; a gateway with "
+        f"--passive-subscribers '{pattern}' gives it those that others want"
     )
 
 

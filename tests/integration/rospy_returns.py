@@ -12,8 +12,9 @@ import rospy
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
 
-TYPES = {"Image": Image, "PointCloud2": PointCloud2, "String": String}
+TYPES = {"Image": Image, "MarkerArray": MarkerArray, "PointCloud2": PointCloud2, "String": String}
 
 
 def show(message: Any, topic: str) -> None:
@@ -21,6 +22,17 @@ def show(message: Any, topic: str) -> None:
     heard: dict[str, object] = {"topic": topic}
     if isinstance(message, String):
         heard["data"] = message.data
+    elif isinstance(message, MarkerArray):
+        heard["markers"] = [
+            {
+                "ns": each.ns,
+                "id": each.id,
+                "text": each.text,
+                "frame_id": each.header.frame_id,
+                "x": each.pose.position.x,
+            }
+            for each in message.markers
+        ]
     else:
         stamp, frame_id = message.header.stamp.to_nsec(), message.header.frame_id
         heard.update(seq=message.header.seq, stamp=stamp, frame_id=frame_id, height=message.height, width=message.width)
@@ -28,9 +40,8 @@ def show(message: Any, topic: str) -> None:
         row = message.data[message.height // 2 * message.step :][: message.step]
         heard.update(encoding=message.encoding, bytes=len(message.data), first=list(row[:3]), last=list(row[-3:]))
     if isinstance(message, PointCloud2):
-        heard["points"] = [
-            list(point) for point in point_cloud2.read_points(message, ("x", "y", "z", "label", "instance"))
-        ]
+        names = [each.name for each in message.fields if each.name != "rgb"]
+        heard["points"] = [list(point) for point in point_cloud2.read_points(message, names)]
     sys.stdout.write(json.dumps(heard) + "\n")
     sys.stdout.flush()
 

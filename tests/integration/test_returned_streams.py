@@ -22,11 +22,15 @@ from gateway.ros1.wire.tcpros import SubscriberConnection
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from gateway.to_ros.outputs import STRING
 from gateway.to_ros.stream import REFUSED, SLOW, UNHEARD
+from gateway.to_ros.world import MARKERS, OBJECTS_TOPIC, OBSTACLES_TOPIC, marker_id, outline
 from schemas import codec
-from schemas.keys import ACTIONS, ALERTS, CameraKey, RobotStreamKey, Stream
+from schemas.keys import ACTIONS, ALERTS, NEARBY, CameraKey, RobotStreamKey, Stream
+from schemas.world import WorldObject
 from tests.gateway.ros1.waiting import until
 from tests.gateway.to_ros.lists import class_list
 from tests.gateway.to_ros.overlays import BLUE, RED, overlay
+from tests.gateway.to_ros.test_world import NOW_NS, nearby
+from tests.gateway.to_ros.test_world import known as known_object
 from tests.integration.detecting import results
 from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.ros import RosEnvironment, RosProcess, require_ros
@@ -44,6 +48,8 @@ TYPES = {
     DETECTION: ros_image.TYPE_NAME,
     SEGMENTATION: ros_image.TYPE_NAME,
     POINTS: ros_point_cloud.TYPE_NAME,
+    f"/{OBSTACLES_TOPIC}": ros_point_cloud.TYPE_NAME,
+    f"/{OBJECTS_TOPIC}": MARKERS,
 }
 MADE: dict[Stream, Callable[[int], codec.Message]] = {
     Stream.CLASSES: lambda seq: class_list(("box", 2), seq=seq),
@@ -262,3 +268,31 @@ async def test_alerts_are_json_and_latched_and_only_allowed_actions_reach_the_pl
         late = await listen(ros, ALERTS_TOPIC)
         assert json.loads((await one_heard(late, ALERTS_TOPIC))["data"]) == said
     assert "/planner/dance" not in await (await ros.rostopic("list")).finished()
+
+
+async def tell(world: Publisher, *objects: WorldObject) -> None:
+    """Say again and again what is near, as the world model does."""
+    for number in range(1_000):
+        world.put(codec.encode(nearby(*objects, sent_ns=NOW_NS + number)))
+        await asyncio.sleep(0.1)
+
+
+@pytest.mark.timeout(120)
+async def test_what_is_near_is_obstacles_and_markers_while_somebody_listens(ros: RosEnvironment, rig: FleetRig) -> None:
+    await rig.gateway("r1", ros.master_uri, CAMERAS)
+    async with sending(rig, NEARBY, type(nearby())) as world:
+        await rig.return_status("r1", "", lambda of: not of.wanted, stream="nearby")
+        assert not world.wanted
+        listener = await listen(ros, f"/{OBSTACLES_TOPIC}", f"/{OBJECTS_TOPIC}")
+        await until(lambda: world.wanted, "what is near is wanted")
+        pallet = known_object("a-1")
+        telling = asyncio.create_task(tell(world, pallet, known_object("a-2", at=(7.0, 1.0, 0.5))))
+        cloud_of = await one_heard(listener, f"/{OBSTACLES_TOPIC}")
+        assert (cloud_of["frame_id"], len(cloud_of["points"])) == ("map", 2 * len(outline(pallet)))
+        markers = (await one_heard(listener, f"/{OBJECTS_TOPIC}"))["markers"]
+        telling.cancel()
+        assert {(each["ns"], each["id"]) for each in markers if not each["text"]} == {
+            ("pallet", marker_id("a-1")),
+            ("pallet", marker_id("a-2")),
+        }
+        assert {each["text"] for each in markers} == {"", "pallet a-1", "pallet a-2"}

@@ -119,11 +119,11 @@ async def test_a_recorder_of_everything_wants_every_result_and_it_is_said_once(
         await bag.end()
         await until(lambda: not front.wanted and not rear.wanted, "none is wanted any more")
         await ros.rostopic("pub", "-r", "5", "/mode", STRING, "hello")
-        await ros.run(*RECORD, f"--output-name={tmp_path / 'others.bag'}", "-x", ".*/ultralytics/.*")
+        await ros.run(*RECORD, f"--output-name={tmp_path / 'others.bag'}", "-x", ".*/(ultralytics|fleetsight)/.*")
         assert FRONT_TOPIC not in await topics_of_recorder(ros, "/mode")
         assert not front.wanted
     (said,) = (line for line in caplog.messages if "subscribes to all" in line)
-    assert "`rosbag record -a -x '.*/ultralytics/.*'` leaves results out" in said
+    assert "`rosbag record -a -x '.*/(ultralytics|fleetsight)/.*'` leaves results out" in said
     assert "--passive-subscribers '/record_.*'" in said
 
 

@@ -18,6 +18,12 @@ string frame_id
 MSG: std_msgs/String
 string data
 
+MSG: std_msgs/ColorRGBA
+float32 r
+float32 g
+float32 b
+float32 a
+
 MSG: geometry_msgs/Vector3
 float64 x
 float64 y
@@ -28,6 +34,15 @@ float64 x
 float64 y
 float64 z
 float64 w
+
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+
+MSG: geometry_msgs/Pose
+Point position
+Quaternion orientation
 
 MSG: geometry_msgs/Transform
 Vector3 translation
@@ -112,6 +127,42 @@ sensor_msgs/RegionOfInterest valid_window
 float32 min_disparity
 float32 max_disparity
 float32 delta_d
+
+MSG: visualization_msgs/Marker
+uint8 ARROW=0
+uint8 CUBE=1
+uint8 SPHERE=2
+uint8 CYLINDER=3
+uint8 LINE_STRIP=4
+uint8 LINE_LIST=5
+uint8 CUBE_LIST=6
+uint8 SPHERE_LIST=7
+uint8 POINTS=8
+uint8 TEXT_VIEW_FACING=9
+uint8 MESH_RESOURCE=10
+uint8 TRIANGLE_LIST=11
+uint8 ADD=0
+uint8 MODIFY=0
+uint8 DELETE=2
+uint8 DELETEALL=3
+Header header
+string ns
+int32 id
+int32 type
+int32 action
+geometry_msgs/Pose pose
+geometry_msgs/Vector3 scale
+std_msgs/ColorRGBA color
+duration lifetime
+bool frame_locked
+geometry_msgs/Point[] points
+std_msgs/ColorRGBA[] colors
+string text
+string mesh_resource
+bool mesh_use_embedded_materials
+
+MSG: visualization_msgs/MarkerArray
+visualization_msgs/Marker[] markers
 
 MSG: rosgraph_msgs/Clock
 time clock

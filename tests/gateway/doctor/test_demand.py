@@ -153,7 +153,7 @@ def test_who_records_all_results() -> None:
     (finding,) = recorded(*RESULTS)
     assert (finding.severity, finding.stage, finding.subject) == (Severity.NOTE, Stage.DEMAND, "/record_1764000000")
     assert finding.what.startswith(f"subscribes to all 3 results of {GATEWAY}, as `rosbag record -a` does")
-    assert "`rosbag record -a -x '.*/ultralytics/.*'`" in finding.advice
+    assert "`rosbag record -a -x '.*/(ultralytics|fleetsight)/.*'`" in finding.advice
     assert "--passive-subscribers '/record_.*'" in finding.advice
 
 
