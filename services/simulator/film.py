@@ -157,16 +157,27 @@ class Equipment:
 class Film:
     """`frames` instants of a closed drive through the warehouse of `seed`: the same ones for the same arguments.
 
-    hz: how many of them pass in a second, which is how fast the robot drives; 0 where it stands at each.
+    hz: how many of them pass in a second, which is how fast the robot drives; 0 where it stands at each. round: number
+    of the round through the warehouse, each another way.
     """
 
-    def __init__(self, seed: int, equipment: Equipment, frames: int, hz: float, store: Store) -> None:
+    def __init__(
+        self,
+        seed: int,
+        equipment: Equipment,
+        frames: int,
+        hz: float,
+        store: Store,
+        *,
+        round: int = 0,  # noqa: A002
+    ) -> None:
         self.seed = seed
         self.equipment = equipment
         self.frames = frames
         self.store = store
         self._scene = generate(seed)
-        self._drive = Drive.plan(self._scene)
+        self.round = round
+        self._drive = Drive.plan(self._scene, round)
         self.rig = rig(self._drive.camera_height, self._drive.camera_pitch)
         self._exposed = EXPOSURE_S * hz / frames if frames > 1 else 0.0  # how much of the round passes meanwhile
         self._from_camera = np.linalg.inv(self.rig.on_robot(COLOR_OPTICAL))
@@ -182,11 +193,11 @@ class Film:
     def measure(self, number: int, parts: Collection[Part]) -> dict[Part, Array]:
         """Return these parts of an instant; the drive repeats after the last. Arrays may be read-only."""
         index = number % self.frames
-        kept = {part: self.store.get((self.seed, index, part)) for part in parts}
+        kept = {part: self.store.get((self.seed, self.round, index, part)) for part in parts}
         missing = [part for part, array in kept.items() if array is None]
         made = self._made(index, missing) if missing else {}
         for part, array in made.items():
-            self.store.put((self.seed, index, part), array)
+            self.store.put((self.seed, self.round, index, part), array)
         return {part: array for part, array in {**kept, **made}.items() if array is not None}
 
     def _made(self, index: int, parts: Collection[Part]) -> dict[Part, Array]:
@@ -217,4 +228,4 @@ class Film:
         return to_pose(self.robot(index) @ self.rig.on_robot(frame))
 
     def _rng(self, *stream: int) -> np.random.Generator:
-        return np.random.default_rng((self.seed, *stream))
+        return np.random.default_rng((self.seed, *stream, self.round) if self.round else (self.seed, *stream))

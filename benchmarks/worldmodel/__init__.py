@@ -1,0 +1,1 @@
+"""How true the world model is to a simulated warehouse."""
