@@ -48,8 +48,8 @@ class InventoryScore:
     """Counts by class: of objects asked for, of those found, of found objects, of wrong ones and of doubles.
 
     wrong: found objects that lie on no true one of their class that is left. doubles: those of them that lie on one
-    which another found object has already. errors_m: distances of the centres of matched objects asked for. exact: in how
-    many warehouses the count of a class was right.
+    which another found object has already. errors_m: how far the centres of matched ones are apart. exact: in how many
+    warehouses the count of a class was right.
     """
 
     asked: Counter[str] = field(default_factory=Counter)
