@@ -12,6 +12,7 @@ from fleetsight.errors import (
     MessageError,
     NoMonitorError,
     NoWorkerError,
+    NoWorldModelError,
     RefusedError,
     SchemaError,
     SettingsError,
@@ -29,6 +30,7 @@ from schemas.image import ImageFrame
 from schemas.inventory import ClassSighting, InventoryAnswer
 from schemas.keys import CameraKey
 from schemas.objects import ObjectCloud, ObjectClouds
+from schemas.world import WorldAnswer, WorldObject
 
 __all__ = [
     "LATEST",
@@ -60,6 +62,7 @@ __all__ = [
     "MessageError",
     "NoMonitorError",
     "NoWorkerError",
+    "NoWorldModelError",
     "ObjectCloud",
     "ObjectClouds",
     "ObjectDistance",
@@ -72,5 +75,7 @@ __all__ = [
     "Stream",
     "StreamCounts",
     "WorkerName",
+    "WorldAnswer",
+    "WorldObject",
     "connect",
 ]

@@ -1,4 +1,4 @@
-"""Ask the fleet: what is in an image, and what the monitor knows."""
+"""Ask the fleet: what is in an image, and what the monitor and the world model know."""
 
 import asyncio
 import random
@@ -11,6 +11,7 @@ from schemas import codec, keys, worker_keys
 from schemas.detections import Detections
 from schemas.errors import SchemaError
 from schemas.inventory import InventoryAnswer, InventoryRequest
+from schemas.world import WorldAnswer, WorldRequest
 
 GATHER_S: Final = 0.2
 """How long after the first worker is seen others are waited for."""
@@ -71,6 +72,19 @@ async def ask_inventory(bus: Bus, question: InventoryRequest, timeout_s: float) 
     encoding = codec.encoding(InventoryRequest)
     reply = await bus.request(keys.INVENTORY, codec.encode(question), encoding=encoding, timeout_s=timeout_s)
     return codec.decode(InventoryAnswer, reply.payload, reply.encoding)
+
+
+async def ask_world(bus: Bus, site: str, question: WorldRequest, timeout_s: float) -> WorldAnswer:
+    """Ask the world model of a site.
+
+    Raises:
+        RequestError: it does not answer.
+        SchemaError: the answer cannot be read.
+    """
+    encoding = codec.encoding(WorldRequest)
+    key = worker_keys.world_objects(site)
+    reply = await bus.request(key, codec.encode(question), encoding=encoding, timeout_s=timeout_s)
+    return codec.decode(WorldAnswer, reply.payload, reply.encoding)
 
 
 def _unanswered(bus: Bus, timeout_s: float, *, seen: bool) -> RequestError:

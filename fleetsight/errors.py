@@ -7,6 +7,7 @@ FleetsightError
 ├── ClosedError          the fleet was left, with `async with`, before
 ├── NoWorkerError        no detector worker is there to answer
 ├── NoMonitorError       no monitor is there to answer
+├── NoWorldModelError    no world model keeps the site that was asked for
 ├── AnswerTimeoutError   no answer in time
 ├── RefusedError         the worker or monitor that was asked answers with an error
 ├── MessageError         a message that breaks the contract
@@ -30,6 +31,7 @@ __all__ = [
     "MessageError",
     "NoMonitorError",
     "NoWorkerError",
+    "NoWorldModelError",
     "RefusedError",
     "SchemaError",
     "SettingsError",
@@ -62,6 +64,10 @@ class NoWorkerError(FleetsightError):
 
 class NoMonitorError(FleetsightError):
     """No monitor is there to answer."""
+
+
+class NoWorldModelError(FleetsightError):
+    """No world model keeps the site that was asked for."""
 
 
 class AnswerTimeoutError(FleetsightError):

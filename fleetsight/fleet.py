@@ -3,13 +3,14 @@
 from collections.abc import Sequence
 from contextlib import AbstractAsyncContextManager
 
+import msgspec
 from pydantic import ValidationError
 
 from bus import MAX_REQUEST_BYTES, MAX_TIMEOUT_S
 from bus.sharing import SharingSettings
 from fleetsight.arguments import check_fields, check_name, names, rate_hz, shown, time_s
-from fleetsight.asking import ask_detectors, ask_inventory
-from fleetsight.errors import NoMonitorError, NoWorkerError, SettingsError, translated
+from fleetsight.asking import ask_detectors, ask_inventory, ask_world
+from fleetsight.errors import NoMonitorError, NoWorkerError, NoWorldModelError, SettingsError, translated
 from fleetsight.listening import Listening
 from fleetsight.own_model import Find, OwnModel
 from fleetsight.own_results import Results, publishing
@@ -17,6 +18,7 @@ from fleetsight.patterns import one_camera
 from schemas.detections import Detections
 from schemas.inventory import InventoryAnswer, InventoryRequest
 from schemas.status import WorkerStatus
+from schemas.world import WorldAnswer, WorldRequest
 
 
 class Fleet(Listening):
@@ -93,6 +95,45 @@ class Fleet(Listening):
         cure = "start one with `fleetsight monitor`"
         with translated("the inventory", absent=NoMonitorError, cure=cure, link_problem=lambda: self.problem):
             return await ask_inventory(self._bus, question, timeout_s)
+
+    async def world(
+        self,
+        site: str = "main",
+        *,
+        name: str = "",
+        region: Sequence[tuple[float, float]] = (),
+        robot: str = "",
+        seen_within_s: float | None = None,
+        timeout_s: float = 5.0,
+    ) -> WorldAnswer:
+        """Ask the world model for the objects of a site, each once, whoever saw it. All of them, unless told otherwise.
+
+        name: of one class. region: corners of a polygon in the site's map, x and y in metres, that the objects' centres
+        are in, 256 at most. robot: objects that it saw, in full. seen_within_s: seen at most so many seconds ago.
+
+        Raises:
+            NoWorldModelError: no world model keeps this site.
+            AnswerTimeoutError: no answer within `timeout_s` seconds (60 at most).
+            ConnectError: there is no link.
+            SettingsError: a name, a region or a time that cannot be.
+
+        >>> async def main():
+        ...     async with fleetsight.connect(endpoint) as fleet:
+        ...         answer = await fleet.world("hall", name="pallet")
+        ...         return [(each.id, each.at, each.size) for each in answer.objects]
+        >>> asyncio.run(main())
+        [('h-1', (2.0, 1.0, 0.5), (1.2, 0.8, 1.0))]
+        """
+        timeout_s = time_s("timeout_s", timeout_s, most_s=MAX_TIMEOUT_S)
+        check_name("site", site)
+        if robot != "":
+            check_name("robot", robot)
+        asked = {"name": name, "region": list(region), "robot": robot, "seen_within_s": seen_within_s}
+        check_fields(WorldRequest, **asked)
+        cure = "start one with `fleetsight worldmodel`"
+        what = f"the world of site {site}"
+        with translated(what, absent=NoWorldModelError, cure=cure, link_problem=lambda: self.problem):
+            return await ask_world(self._bus, site, msgspec.convert(asked, WorldRequest), timeout_s)
 
     def results(self, robot: str, camera: str, *, opinion: bool = False) -> AbstractAsyncContextManager[Results]:
         """Publish what a model of one's own found in the images of one camera, for as long as the context lasts.

@@ -97,7 +97,7 @@ class _Camera:
 
 
 def _metres(depth: NDArray[np.uint16]) -> NDArray[np.float32]:
-    metres = depth.astype(np.float32) / 1000
+    metres: NDArray[np.float32] = depth.astype(np.float32) / np.float32(1000)
     metres[(metres < LIMITS.nearest_m) | (metres > LIMITS.farthest_m)] = np.nan
     return metres
 

@@ -137,7 +137,8 @@ class IdentityScore:
         """Count the sightings of an image, with what the model knew then."""
         seen = [true[instance] for instance in sorted(set(image.shown) - {NOTHING}) if instance in true]
         for name in {each.name for each in seen}:
-            own, shown = ([each for each in some if each.name == name] for some in (found, seen))
+            own = [each for each in found if each.name == name]
+            shown = [each for each in seen if each.name == name]
             for row, column, _ in matched(own, shown):
                 self.names.setdefault(shown[column].instance, Counter())[own[row].id] += 1
 

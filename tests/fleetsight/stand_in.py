@@ -1,4 +1,4 @@
-"""A small fleet on the real bus: one robot whose camera always sees the same, a worker and a monitor."""
+"""A small fleet on the real bus: one robot whose camera always sees the same, a worker, a monitor and a world model."""
 
 import asyncio
 import threading
@@ -19,6 +19,7 @@ from schemas.inventory import ClassSighting, InventoryAnswer, InventoryRequest
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectCloud, ObjectClouds, Shape, UprightBox
 from schemas.worker_keys import WorkerAlive
+from schemas.world import WorldAnswer, WorldObject, WorldRequest
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import PATIENCE_S
 from tests.schemas.frames import header, image
@@ -92,6 +93,19 @@ SIGHTING: Final = ClassSighting(
 )
 
 
+PALLET: Final = WorldObject(
+    id="h-1",
+    site="hall",
+    name="pallet",
+    at=(2.0, 1.0, 0.5),
+    covariance=(0.01, 0.0, 0.0, 0.01, 0.0, 0.01),
+    size=(1.2, 0.8, 1.0),
+    existence=0.9,
+    first_ns=1,
+    last_ns=2,
+)
+
+
 @dataclass(frozen=True, slots=True)
 class StandIn:
     """Where the fleet is, and its bus, for its event loop alone. wanted: by stream, whether somebody wants it now."""
@@ -115,6 +129,13 @@ async def _inventory(asked: Request) -> Reply:
     sightings = [SIGHTING] if question.robot in {"", "r1"} else []
     answer = InventoryAnswer(now_ns=3, sightings=sightings)
     return Reply(codec.encode(answer), codec.encoding(InventoryAnswer))
+
+
+async def _world(asked: Request) -> Reply:
+    question = codec.decode(WorldRequest, asked.payload, asked.encoding)
+    objects = [PALLET] if question.name in {"", PALLET.name} and not question.region else []
+    answer = WorldAnswer(site="hall", epoch="e", last=1, now_ns=3, objects=objects)
+    return Reply(codec.encode(answer), codec.encoding(WorldAnswer))
 
 
 @asynccontextmanager
@@ -147,6 +168,7 @@ async def stand_in(*, worker: bool = True, monitor: bool = True) -> AsyncIterato
             await stack.enter_async_context(bus.announce(token))
         if monitor:
             await stack.enter_async_context(bus.serve(keys.INVENTORY, _inventory))
+            await stack.enter_async_context(bus.serve(worker_keys.world_objects("hall"), _world))
         images = group.create_task(_send_images(made))
         yield made
         images.cancel()

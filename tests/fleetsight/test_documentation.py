@@ -69,7 +69,7 @@ def test_its_example_does_what_it_says(name: str, endpoint: str) -> None:
 
 def test_an_error_says_what_it_means() -> None:
     errors = [each for each in OURS if inspect.isclass(each) and issubclass(each, Exception)]
-    assert len(errors) == 11
+    assert len(errors) == 12
     assert all(issubclass(each, fleetsight.FleetsightError) and each.__doc__ for each in errors)
 
 

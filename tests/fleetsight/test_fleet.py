@@ -67,6 +67,41 @@ async def test_a_question_that_cannot_be_is_refused_at_once(fleet: Fleet, given:
         await fleet.inventory(**given)  # type: ignore[arg-type]
 
 
+async def test_the_world_has_each_object_once(fleet: Fleet) -> None:
+    answer = await fleet.world("hall")
+    assert (answer.site, [each.id for each in answer.objects], answer.complete) == ("hall", ["h-1"], True)
+    assert (await fleet.world("hall", name="box")).objects == []
+    assert (await fleet.world("hall", region=[(8, 8), (9, 8), (9, 9)], robot="r1", seen_within_s=2.0)).objects == []
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"site": "a/b"},
+        {"robot": "*"},
+        {"name": "x" * 257},
+        {"region": [(0, float("nan"))]},
+        {"region": [(0, 0, 0)]},
+        {"seen_within_s": -1.0},
+        {"timeout_s": 0},
+    ],
+)
+async def test_a_question_about_the_world_that_cannot_be_is_refused_at_once(
+    fleet: Fleet, given: dict[str, object]
+) -> None:
+    with pytest.raises(fleetsight.SettingsError, match=f"^{next(iter(given))} "):
+        await fleet.world(**given)  # type: ignore[arg-type]
+
+
+async def test_a_site_that_nobody_keeps_says_what_to_start(fleet: Fleet) -> None:
+    with pytest.raises(fleetsight.NoWorldModelError) as error:
+        await fleet.world("elsewhere")
+    assert str(error.value) == (
+        "the world of site elsewhere: no server has this key, or it left before answering; "
+        "start one with `fleetsight worldmodel`"
+    )
+
+
 async def test_without_anybody_to_answer_the_error_says_whom_to_start() -> None:
     async with stand_in(worker=False, monitor=False) as there, fleetsight.connect(there.endpoint) as fleet:
         with pytest.raises(fleetsight.NoWorkerError) as worker:
