@@ -17,6 +17,7 @@ from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, TrustLi
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.liveness import STALE_S, CameraLiveness, camera_state, is_stale
 from services.monitor.map.last_seen import SightingMap
+from services.monitor.map.sites import Sites
 from services.monitor.robot_clocks import MAX_LAG_NS, Clocks
 
 RATE_WINDOW_S: Final = 5.0
@@ -134,6 +135,7 @@ class Fleet:
         self.clocks = Clocks()
         self.inventory = Inventory(limits)
         self.places = SightingMap()
+        self.sites = Sites()
         self._cameras: dict[CameraKey, _Camera] = {}
         self.gateways: dict[str, GatewayStatus] = {}
         self.workers: dict[tuple[str, str], WorkerStatus] = {}

@@ -16,6 +16,7 @@ from schemas.distances import Distances
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
+from schemas.world import SiteStatus
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.display import Problems, show
@@ -153,6 +154,7 @@ async def watch_fleet(
         keys.every_stream(Stream.DISTANCES): lambda sample: measured(_distances(fleet, sample)),
         keys.EVERY_GATEWAY_STATUS: lambda sample: _gateway_status(fleet, sample),
         worker_keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
+        worker_keys.EVERY_WORLD_STATUS: lambda sample: _site_status(fleet, sample),
     }
     cameras = keys.every_stream_alive(Stream.COLOR)
     async with answer_inventory(bus, fleet, problems), asyncio.TaskGroup() as group:
@@ -268,6 +270,13 @@ def _worker_status(fleet: Fleet, sample: Sample) -> None:
     if (status.service, status.worker) != worker_keys.parse_worker(sample.key):
         raise SchemaError(f"status of {status.service}/{status.worker}")
     fleet.worker_status(status, sample.received_ns)
+
+
+def _site_status(fleet: Fleet, sample: Sample) -> None:
+    status = codec.decode(SiteStatus, sample.payload, sample.encoding)
+    if status.site != worker_keys.parse_world(sample.key)[0]:
+        raise SchemaError(f"status of site {status.site}")
+    fleet.sites.take(status, sample.received_ns)
 
 
 def _robot(fleet: Fleet, key: str, *, alive: bool) -> None:

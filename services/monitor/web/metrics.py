@@ -1,6 +1,7 @@
 """Prometheus metrics, computed on request, so that they cost nothing otherwise."""
 
 import asyncio
+import time
 from collections import Counter
 from collections.abc import Iterator
 from typing import Final
@@ -74,6 +75,7 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     yield GaugeMetricFamily("fleetsight_leads", "1 while this monitor raises the alerts.", history.leads)
     yield GaugeMetricFamily("fleetsight_rules", "Rules in force.", len(monitor.rules.book.rules))
     yield GaugeMetricFamily("fleetsight_rules_ok", "1 while the rule file is in force.", not monitor.rules.problem)
+    yield from _of_sites(monitor)
     left_out = CounterMetricFamily("fleetsight_messages_left_out", "Messages left out.", labels=["reason"])
     for reason, count in sorted(monitor.fleet.left_out.items())[:MAX_REASONS]:
         left_out.add_metric([reason], count)
@@ -91,6 +93,18 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     for (webhook, outcome), count in sorted(monitor.alerting.posts().items()):
         posts.add_metric([webhook, outcome], count)
     yield posts
+
+
+def _of_sites(monitor: Monitor) -> Iterator[Metric]:
+    objects = GaugeMetricFamily("fleetsight_site_objects", "Objects in a site, each once.", labels=["site", "class"])
+    doubted = GaugeMetricFamily(
+        "fleetsight_site_doubted_robots", "Robots whose sightings are left out for now.", labels=["site"]
+    )
+    for status in monitor.fleet.sites.current(time.time_ns()):
+        doubted.add_metric([status.site], sum(bool(robot.doubted) for robot in status.robots))
+        for name, count in sorted(status.objects.items())[:MAX_REASONS]:
+            objects.add_metric([status.site, name], count)
+    yield from (objects, doubted)
 
 
 def _of_robots(robots: tuple[RobotLine, ...]) -> Iterator[Metric]:

@@ -24,10 +24,12 @@ from tests.contract.waiting import until
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
 from tests.services.monitor.inventory.seeing import going_on
+from tests.services.monitor.map.test_sites import status as site_status
 
 FRONT = CameraKey("r1", "front")
 SEEN = ClassList(header=header(), classes=[ClassCount("box", 2, 0.9)], model="m", worker="w")
 GATEWAY = GatewayStatus(robot="r1", boot_id="b", clock_id="clock", sent_ns=1)
+HALL = site_status("hall", box=2)
 STATUSES = (keys.gateway_status("r1"), worker_keys.worker_status("detector", "w1"))
 WORKER = WorkerStatus(service="detector", worker="w1", model="m", sent_ns=1)
 
@@ -101,7 +103,9 @@ async def test_second_opinions_reach_the_inventory_and_count_as_nothing_else(bus
 async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
     await publish(bus, keys.gateway_status("r1"), GATEWAY)
     await publish(bus, worker_keys.worker_status("detector", "w1"), WORKER)
-    await until(lambda: fleet.gateways and fleet.workers)
+    await publish(bus, worker_keys.world_status("hall"), HALL)
+    await until(lambda: fleet.gateways and fleet.workers and fleet.sites.every())
+    assert [known.status for known in fleet.sites.every()] == [HALL]
     assert fleet.gateways == {"r1": GATEWAY}
     assert fleet.workers == {("detector", "w1"): WORKER}
 
@@ -116,6 +120,7 @@ async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
         ("fleet/r2/status", GATEWAY),
         ("workers/detector/w2/status", WORKER),
         ("workers/distance/w1/status", WORKER),
+        ("world/other/status", HALL),
     ],
 )
 async def test_a_message_that_is_not_its_keys_is_left_out(bus: Bus, fleet: Fleet, key: str, message: Message) -> None:
@@ -123,7 +128,7 @@ async def test_a_message_that_is_not_its_keys_is_left_out(bus: Bus, fleet: Fleet
     await publish(bus, FRONT.stream(Stream.CLASSES), SEEN)
     await until(lambda: fleet.lists_per_robot()["r1"])
     assert fleet.lists_per_robot() == {"r1": 1}
-    assert (fleet.gateways, fleet.workers) == ({}, {})
+    assert (fleet.gateways, fleet.workers, fleet.sites.every()) == ({}, {}, [])
     assert fleet.left_out == {"malformed messages": 1}
 
 

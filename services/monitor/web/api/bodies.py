@@ -18,6 +18,7 @@ from services.monitor.formats import moment, rounded
 from services.monitor.history.intervals import Interval
 from services.monitor.history.state import Act
 from services.monitor.inventory.inventory import Entry
+from services.monitor.map.sites import KnownSite
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
 from services.monitor.web.api.models import (
     ActAnswer,
@@ -29,7 +30,9 @@ from services.monitor.web.api.models import (
     Part,
     ReturnAnswer,
     RobotAnswer,
+    RobotOffsetAnswer,
     SightingAnswer,
+    SiteAnswer,
     StreamAnswer,
     WorkerAnswer,
 )
@@ -149,6 +152,21 @@ def worker_answer(line: WorkerLine) -> WorkerAnswer:
         last_seen=known_moment(line.last_ns),
         cameras=loads,
         remarks=tuple(of.remarks),
+    )
+
+
+def site_answer(known: KnownSite, now_ns: int) -> SiteAnswer:
+    """Return a site's model."""
+    of = known.status
+    return answer_of(
+        SiteAnswer,
+        of,
+        current=known.is_current(now_ns),
+        last_seen=known_moment(known.received_ns),
+        objects=dict(of.objects),
+        left_out=dict(of.left_out),
+        problems=tuple(of.problems),
+        robots=tuple(RobotOffsetAnswer.model_validate(each) for each in of.robots),
     )
 
 

@@ -12,6 +12,7 @@ from fastapi import APIRouter, Path, Request, Response
 from schemas.keys import CameraKey
 from services.monitor.event_loop import in_turns
 from services.monitor.inventory.inventory import Entry, Inventory
+from services.monitor.map.sites import KnownSite
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import WorkerLine
 from services.monitor.web.api.bodies import (
@@ -21,9 +22,18 @@ from services.monitor.web.api.bodies import (
     page_response,
     robot_body,
     sighting_body,
+    site_answer,
     worker_answer,
 )
-from services.monitor.web.api.models import CameraAnswer, GatewayAnswer, Page, RobotAnswer, SightingAnswer, WorkerAnswer
+from services.monitor.web.api.models import (
+    CameraAnswer,
+    GatewayAnswer,
+    Page,
+    RobotAnswer,
+    SightingAnswer,
+    SiteAnswer,
+    WorkerAnswer,
+)
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, operator_of, page_of, place_of
 
 PLACE: Final = attrgetter("robot", "camera")
@@ -149,6 +159,13 @@ def _account_routes(monitor: Monitor) -> APIRouter:
         items = [encoded_answer(answer(each)) async for each in in_turns(names)]
         return page_response(fleet_view.now_ns, items, mark)
 
+    @router.get("/sites", response_model=Page[SiteAnswer])
+    async def sites(*, limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
+        """What is in each site that a world model keeps: every object once, whoever saw it."""
+        now_ns = time.time_ns()
+        found, mark = page_of(monitor.fleet.sites.every(), _site_place, limit, after, 1)
+        return page_response(now_ns, [encoded_answer(site_answer(each, now_ns)) for each in found], mark)
+
     @router.get("/workers", response_model=Page[WorkerAnswer])
     async def workers(*, service: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
         """Every worker: the cameras it serves, and its frame counts."""
@@ -176,6 +193,10 @@ def _camera_place(key: CameraKey) -> tuple[str, ...]:
 
 def _entry_place(entry: Entry) -> tuple[str, ...]:
     return (entry.sighting.key.robot, entry.sighting.key.camera, entry.sighting.name)
+
+
+def _site_place(known: KnownSite) -> tuple[str, ...]:
+    return (known.status.site,)
 
 
 def _worker_place(line: WorkerLine) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
+from schemas.world import SiteStatus
 from services.monitor.formats import natural
 from services.monitor.join_address import endpoint_to_join
 from services.monitor.live_views.newest import LiveViews
@@ -19,6 +20,7 @@ from services.monitor.map.drawing import MOST_SHOWN, STALE, Bounds, colour_of, i
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import LastPoses, MapObject
 from services.monitor.map.pose import Pose, Whereabouts
+from services.monitor.map.sites import totals
 from services.monitor.monitor import Monitor
 from services.monitor.web.pages.components import MAP, still
 from services.monitor.web.pages.frame import nothing_yet, page_at, page_frame
@@ -84,6 +86,7 @@ class _Map:
                     self._robot = ui.select({EVERY: "All robots"}, value=EVERY, on_change=self._forget_bounds).props(
                         'dense outlined options-dense aria-label="Robot"'
                     )
+                self._sites = ui.label().classes("fs-line")
                 self._picture = ui.html(sanitize=False).classes("fs-map")
                 self._empty = nothing_yet(
                     ROBOT_ICON,
@@ -136,6 +139,7 @@ class _Map:
         if self._bounds is not None:
             self._picture.set_content(svg_of(self._bounds, marks, robots, now_ns, self._plan))
         self._explain(marks, now_ns)
+        self._sites.set_text("; ".join(in_words(status) for status in self._monitor.fleet.sites.current(now_ns)))
         placed = {robot.name for robot in robots if robot.live}
         without = [f"{name}: {why}" for name, why in poses.items() if isinstance(why, str) and name not in placed]
         left_out = f"and {plural(more, 'robot')} more: choose one above" if more > 0 else ""
@@ -146,6 +150,12 @@ class _Map:
         more = len(marks) - MOST_LISTED
         rest = f'<div class="fs-line fs-muted">and {plural(more, "more", "more")}</div>' if more > 0 else ""
         self._list.set_content("".join(row(mark, now_ns) for mark in marks[:MOST_LISTED]) + rest)
+
+
+def in_words(status: SiteStatus) -> str:
+    """Return what a world model says of a site, each object counted once."""
+    problems = f" ({'; '.join(status.problems)})" if status.problems else ""
+    return f"In {status.site}: {totals(status)}{problems}"
 
 
 def _title(text: str) -> None:

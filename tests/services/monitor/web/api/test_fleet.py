@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import time
 from typing import Any
 
 import httpx
@@ -11,12 +12,14 @@ import websockets
 
 from bus.fake import FakeNetwork
 from schemas.keys import CameraKey
+from schemas.world import RobotOffset
 from services.monitor import event_loop
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.web.api.fleet import SightingKey, SightingQuery, some_entries
 from services.monitor.web.api.live import TOPICS
 from services.monitor.web.auth.users import Role
 from tests.services.monitor.inventory.seeing import S, seen
+from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.api.test_alerts import alert, raise_alert
 from tests.services.monitor.web.asking import Web
@@ -72,6 +75,24 @@ async def test_a_robot_that_is_gone_is_forgotten_by_an_operator_and_its_alerts_a
             assert (answer.status_code, answer.json()) == (status, {"error": error})
         web.monitor.fleet.robot_presence("r2", alive=True)
         assert [each["name"] for each in (await browser.get("/api/v1/robots")).json()["items"]] == ["r1", "r2"]
+
+
+async def test_sites_have_each_object_once_and_say_whether_they_are_current(web: Web) -> None:
+    offset = RobotOffset(robot="r1", x=0.05, y=0.0, yaw=0.01, sigma_m=0.02, doubted="jumped", views=3, last_ns=1)
+    now_ns = time.time_ns()
+    hall = msgspec.structs.replace(site_status("hall", box=2), robots=[offset], problems=["r1: jumped"])
+    web.monitor.fleet.sites.take(hall, now_ns)
+    web.monitor.fleet.sites.take(site_status("yard", pallet=1), now_ns - 60 * 1_000_000_000)
+    async with await web.program() as program:
+        first, second = (await program.get("/api/v1/sites")).json()["items"]
+        assert (first["site"], first["objects"], first["current"]) == ("hall", {"box": 2}, True)
+        assert (first["robots"][0]["robot"], first["robots"][0]["doubted"]) == ("r1", "jumped")
+        assert first["problems"] == ["r1: jumped"]
+        assert (second["site"], second["current"]) == ("yard", False)
+        metrics = (await program.get("/metrics")).text
+    assert 'fleetsight_site_objects{class="box",site="hall"} 2.0' in metrics
+    assert 'fleetsight_site_doubted_robots{site="hall"} 1.0' in metrics
+    assert 'site="yard"' not in metrics
 
 
 async def test_filters_leave_out_the_rest(web: Web) -> None:

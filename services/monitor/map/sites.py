@@ -1,0 +1,52 @@
+"""The sites that world models keep, by their own word. Pure: time is an argument."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from schemas.world import SiteStatus
+
+FRESH_NS: Final = 5_000_000_000
+"""Age from which a site's status is no longer current: its world model says one a second."""
+
+MAX_SITES: Final = 1_000
+
+
+@dataclass(frozen=True, slots=True)
+class KnownSite:
+    """What a site's world model said last, and when it came."""
+
+    status: SiteStatus
+    received_ns: int
+
+    def is_current(self, now_ns: int) -> bool:
+        """Whether the site is looked after now."""
+        return now_ns - self.received_ns <= FRESH_NS
+
+
+class Sites:
+    """The newest status of each site, by name."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, KnownSite] = {}
+
+    def take(self, status: SiteStatus, received_ns: int) -> None:
+        """Take a status; of more sites than MAX_SITES the one heard of longest ago is forgotten."""
+        self._known.pop(status.site, None)
+        self._known[status.site] = KnownSite(status, received_ns)
+        if len(self._known) > MAX_SITES:
+            del self._known[next(iter(self._known))]
+
+    def every(self) -> list[KnownSite]:
+        """Return all sites by name."""
+        return [self._known[name] for name in sorted(self._known)]
+
+    def current(self, now_ns: int) -> Iterator[SiteStatus]:
+        """Yield the statuses of sites that are looked after, by name."""
+        return (each.status for each in self.every() if each.is_current(now_ns))
+
+
+def totals(status: SiteStatus) -> str:
+    """Return what is in a site, in words, such as `52 box, 25 pallet`."""
+    counted = [f"{count} {name}" for name, count in sorted(status.objects.items()) if count]
+    return ", ".join(counted) or "nothing yet"
