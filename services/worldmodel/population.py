@@ -55,6 +55,9 @@ NS: Final = 1_000_000_000
 YOUNG: Final = 8
 """Objects that were seen more often have their box fitted now and then only."""
 
+SETTLING: Final = 20
+"""Sightings that settle where something is that does not move by itself."""
+
 SELDOM: Final = 0.35
 """What is seen less often than this share of the times that it should be, is nothing."""
 
@@ -161,10 +164,19 @@ class Population:
         ready = ~objects.confirmed[rows] & (objects.logit[rows] >= rules.confirm)
         ready &= objects.hits[rows] >= rules.fewest_hits
         far = objects.confirmed[rows] & (shifted(objects.outline[rows], objects.told_outline[rows]) > rules.moved_m)
+        far &= self._is_settled(rows)
         for row, each, new in zip(
             rows[ready | far].tolist(), frame_of[ready | far].tolist(), ready[ready | far].tolist(), strict=True
         ):
             self._tell(ChangeKind.APPEARED if new else ChangeKind.MOVED, row, frames, each)
+
+    def _is_settled(self, rows: Rows) -> NDArray[np.bool_]:
+        """Return which objects can have moved; of what was seen a few times, only the estimate is better by now."""
+        objects = self.objects
+        settled = (objects.hits[rows] > SETTLING) | self._classes.moves[objects.cls[rows]]
+        young = rows[~settled]
+        objects.told_outline[young] = objects.outline[young]
+        return np.asarray(settled)
 
     def _tell(self, kind: ChangeKind, row: int, frames: Frames, frame: int, into: int | None = None) -> None:
         objects, at_ns = self.objects, int(frames.at_ns[frame])

@@ -41,7 +41,8 @@ def test_what_moved_is_found_where_it_is_and_what_went_nowhere() -> None:
 def edges_of(x: float, y: float, length: float, width: float, yaw: float) -> np.ndarray:
     along = np.array([np.cos(yaw), np.sin(yaw)])
     across = np.array([-along[1], along[0]])
-    return UNITS @ [x, y] + np.abs(UNITS @ along) * length / 2 + np.abs(UNITS @ across) * width / 2
+    found: np.ndarray = UNITS @ [x, y] + np.abs(UNITS @ along) * length / 2 + np.abs(UNITS @ across) * width / 2
+    return found
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.3, -0.9, 1.4])
