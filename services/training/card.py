@@ -3,9 +3,9 @@
 import platform
 import resource
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -16,6 +16,7 @@ from services.simulator.world import CLASSES
 from services.training.checkpoints import ARCHITECTURE
 from services.training.evaluation.class_lists import REQUIRED_AREA, VISIBLE_AREA, ListFigures
 from services.training.evaluation.near_objects import MATCHING_IOU, NEAR_AREA, NEAR_METRES, NearFigures
+from services.training.evaluation.photographs import PhotographScore
 from services.training.evaluation.precision import MIN_AREA, MaskFigures, Precision
 from services.training.evaluation.predictor import CONFIDENCE
 from services.training.evaluation.scenes import held_out_seeds
@@ -59,15 +60,14 @@ _CARD: Final = """\
 # {name}: box, pallet, forklift
 
 A nano instance segmentation model (`{architecture}`, {classes} classes, input {imgsz} pixels on the longer side, half
-precision), trained from random weights on rendered pictures of simulated warehouses. Made, and this page written, by
-one command:
+precision), trained {origin}.
+Made, and this page written, by one command:
 
     {command}
 
-- Seed {seed}; {images} images of 640x480, two of each scene, batch {batch}: {coarse_epochs} epochs at half
-  the size, {epochs} at the whole and {polish_epochs} more with the learning rate raised once again.
-{refiner}- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time, rendering
-  included, with {workers} workers on device {device}.
+- Seed {seed}; {images} images of 640x480, two of each scene, batch {batch}{scratch}.
+{mixed}{refiner}- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time,
+  rendering included, with {workers} workers on device {device}.
 - Python {python}, {versions}.
 
 ## On scenes that it was not trained on
@@ -104,16 +104,43 @@ within {near_metres:.0f} m, {near_share:.1%} were named right: a box of the righ
 {near_rows}
 
 "Invented" are predictions of at least the same size in these {pictures} pictures where nothing of that class was.
-
+{photographs}
 ## What it is not
 
-It has seen no photograph: every picture it knows was rendered from cuboids. How it does on a real camera is not
-measured; train on pictures of your own site before you rely on it. Objects that are far, small or mostly hidden are
+{limits} Objects that are far, small or mostly hidden are
 often missed, and trolleys, posts or bare walls are sometimes taken for forklifts. Things that it was never shown
 (people, cars, hand pallet trucks) may be taken for one of its classes.
 
 Licence: AGPL-3.0-or-later, as the project and the architecture's definition in Ultralytics are.
 """
+
+_FROM_SCRATCH: Final = """: {coarse_epochs} epochs at half
+  the size, {epochs} at the whole and {polish_epochs} more with the learning rate raised once again"""
+
+_MIXED: Final = """\
+- {data_epochs} epochs of these together with photographs, in about equal parts, varied in colour, size and place;
+  classes that a source does not label count neither for nor against a prediction, and where boxes alone are known
+  masks do not count.
+"""
+
+_UNSEEN: Final = """\
+It has seen no photograph: every picture it knows was rendered from cuboids. How it does on a real camera is not
+measured; train on pictures of your own site before you rely on it."""
+
+_SEEN: Final = """\
+It has seen a few hundred photographs of a few places. On a real camera of another place it does as well as the table
+of photographs says, at best; train on pictures of your own site before you rely on it."""
+
+_PHOTOGRAPHS: Final = """
+## On photographs that it was not trained on
+
+At the same confidence, boxes with an IoU of at least {iou:.1f}; of each source only the classes that it labels.
+False alarms are predictions per picture where none of the classes is.
+
+| source | pictures | class | labelled | recall | precision | false alarms |
+|---|---|---|---|---|---|---|
+{rows}
+{licences}"""
 
 _REFINER: Final = """\
 - Masks are made finer, and judged, by a small network in the same file, trained for {refiner_epochs} epochs on
@@ -131,24 +158,33 @@ them, without that network, they are {coarse}.
 class Figures:
     """Evaluation results of a run's weights; `lists` at `CONFIDENCE`.
 
-    unrefined: of all masks as they are without a refiner, where there is one.
+    unrefined: of all masks as they are without a refiner, where there is one. photographs: by source. licences: of the
+    sources trained on, in words.
     """
 
     masks: MaskFigures
     lists: ListFigures
     near: NearFigures
     unrefined: Precision | None = None
+    photographs: Mapping[str, PhotographScore] = field(default_factory=dict)
+    licences: Mapping[str, str] = field(default_factory=dict)
 
 
 def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, refined: int = 0) -> str:
     """Describe a run's weights as Markdown. refined: number of objects a refiner of masks learned from, if any."""
     masks, lists, near = figures.masks, figures.lists, figures.near
+    values = settings.model_dump()
     seeds = held_out_seeds(settings.seed, settings.holdout)
     return _CARD.format(
         name=settings.output.stem,
         architecture=ARCHITECTURE,
         classes=len(CLASSES),
         command=_command(settings),
+        origin=_origin(settings),
+        scratch="" if settings.start else _FROM_SCRATCH.format(**values),
+        mixed=_MIXED.format(**values) if settings.data else "",
+        limits=_SEEN if settings.data else _UNSEEN,
+        photographs=_photographs(figures),
         wall_min=effort.wall_s / 60,
         cpu_min=effort.cpu_s / 60,
         python=platform.python_version(),
@@ -173,13 +209,41 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, ref
         refiner=_REFINER.format(objects=refined, **settings.model_dump()) if refined else "",
         unrefined=_without(masks.by_score, figures.unrefined),
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
-        **settings.model_dump(exclude={"device"}),
+        **settings.model_dump(exclude={"device", "data"}),
     )
 
 
+def _origin(settings: TrainingSettings) -> str:
+    begin = "from random weights" if settings.start is None else f"from {settings.start.name}"
+    pictures = "rendered pictures of simulated warehouses"
+    return f"{begin} on {pictures} and on photographs" if settings.data else f"{begin} on {pictures}"
+
+
 def _command(settings: TrainingSettings) -> str:
-    options = settings.model_dump(include=DECISIVE, exclude_defaults=True)
-    return " ".join(["fleetsight train", *(f"--{name.replace('_', '-')} {value}" for name, value in options.items())])
+    """Return the command line; of folders and files only their names, which are the same on any machine."""
+    given = settings.model_dump(include=DECISIVE, exclude_defaults=True, by_alias=True)
+    options = [
+        (name, each) for name, value in given.items() for each in (value if isinstance(value, list) else [value])
+    ]
+    texts = ((name, each.name if isinstance(each, Path) else each) for name, each in options)
+    return " ".join(["fleetsight train", *(f"--{name.replace('_', '-')} {text}" for name, text in texts)])
+
+
+def _photographs(figures: Figures) -> str:
+    if not figures.photographs:
+        return ""
+    rows = [row for source, score in sorted(figures.photographs.items()) for row in _photograph_rows(source, score)]
+    lines = [f"- `{source}`: {licence}\n" for source, licence in sorted(figures.licences.items())]
+    licences = f"\nThe photographs' sources and their licences as stated there:\n\n{''.join(lines)}" if lines else ""
+    return _PHOTOGRAPHS.format(iou=MATCHING_IOU, rows="\n".join(rows), licences=licences)
+
+
+def _photograph_rows(source: str, score: PhotographScore) -> Iterator[str]:
+    for name, each in score.classes.items():
+        if each.labelled:
+            yield _row(source, score.pictures, name, each.labelled, _average(each.recall), _average(each.precision), "")
+    if score.empty_pictures:
+        yield _row(source, score.empty_pictures, "none", "", "", "", f"{score.false_alarms_per_picture:.2f}")
 
 
 def _without(by_score: Precision, unrefined: Precision | None) -> str:

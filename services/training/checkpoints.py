@@ -54,25 +54,21 @@ class Checkpoint:
 
     @classmethod
     def read(cls, file: Path) -> "Checkpoint":
-        """Read the trainer's checkpoint.
+        """Read the trainer's checkpoint, or weights, whose epoch is -1.
 
         Raises:
             ValueError: it calls for what no network consists of, or holds no network; nothing in it was executed.
             Exception: torch cannot read it.
         """
-        import torch  # noqa: PLC0415 - only the training needs it
-
-        with _nothing_taken_as_safe():
-            called_for = torch.serialization.get_unsafe_globals_in_checkpoint(file)
-            layers = [name for name in called_for if LAYER.fullmatch(name)]
-            if strangers := sorted({*called_for} - {*layers} - {*_NUMBERS}):
-                raise ValueError(f"it calls for {strangers[0]}")
-            torch.serialization.add_safe_globals([*_KNOWN, *((_Layer, name) for name in layers)])
-            state = torch.load(file, map_location="cpu", weights_only=True)
-        network = state.get("ema") if isinstance(state, dict) else None
+        state = _state_in(file)
+        network = (state.get("ema") or state.get("model")) if isinstance(state, dict) else None
         if not isinstance(network, _Layer):
             raise ValueError("it holds no network")  # noqa: TRY004 - what a file holds is no type of ours
-        return cls(int(state["epoch"]), dict(_tensors(network)), {name: state.get(name) for name in _GOING_ON})
+        return cls(
+            int(state["epoch"]),
+            {name: each.float() if each.is_floating_point() else each for name, each in _tensors(network)},
+            {name: state.get(name) for name in _GOING_ON},
+        )
 
     def network(self) -> "nn.Module":
         """Return a network with these weights; call it after `load_ultralytics`."""
@@ -89,6 +85,27 @@ class Checkpoint:
 
         state = {"epoch": self.epoch, "model": None, "ema": self.network(), "train_args": dict(arguments)}
         torch.save(state | dict(self.going_on), file)
+
+
+def extras_of(weights: Path) -> Mapping[str, Any]:
+    """Return what weights hold beside the model, by name.
+
+    Raises:
+        Exception: see `Checkpoint.read`.
+    """
+    return {name: value for name, value in _state_in(weights).items() if name not in ("model", "ema")}
+
+
+def _state_in(file: Path) -> Any:
+    import torch  # noqa: PLC0415 - only the training needs it
+
+    with _nothing_taken_as_safe():
+        called_for = torch.serialization.get_unsafe_globals_in_checkpoint(file)
+        layers = [name for name in called_for if LAYER.fullmatch(name)]
+        if strangers := sorted({*called_for} - {*layers} - {*_NUMBERS}):
+            raise ValueError(f"it calls for {strangers[0]}")
+        torch.serialization.add_safe_globals([*_KNOWN, *((_Layer, name) for name in layers)])
+        return torch.load(file, map_location="cpu", weights_only=True)
 
 
 @contextmanager

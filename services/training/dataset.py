@@ -87,6 +87,11 @@ def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, h
     return description
 
 
+def rendered(dataset: Path) -> list[Path]:
+    """Return the pictures to train on of a data set that `write_dataset` made, in the order of their names."""
+    return sorted((dataset.parent / "images" / "train").glob("*.png"))
+
+
 def _write_scene(job: tuple[Path, str, int, int]) -> None:
     """Write the views of one scene; the label file comes last and marks its view as complete."""
     folder, split, seed, views = job

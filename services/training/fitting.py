@@ -24,17 +24,41 @@ AUGMENTATION: Final = {
 }
 
 
-def fit(settings: TrainingSettings, dataset: Path, progress: Progress) -> Path:
-    """Train every stage to its last epoch, resuming from an earlier checkpoint; return the last checkpoint's path."""
+MIXED_AUGMENTATION: Final = {
+    "mosaic": 0.35,
+    "close_mosaic": 0,
+    "erasing": 0.0,
+    "degrees": 4.0,
+    "translate": 0.15,
+    "scale": 0.5,
+    "shear": 2.0,
+    "perspective": 0.0003,
+    "fliplr": 0.5,
+    "hsv_h": 0.03,
+    "hsv_s": 0.6,
+    "hsv_v": 0.45,
+    "rect": False,
+    "overlap_mask": False,
+    "cls": 0.7,
+}
+"""Photographs are few: they are varied more, and shown in mosaics."""
+
+
+def fit(settings: TrainingSettings, dataset: Path, progress: Progress, mix: Path | None = None) -> Path:
+    """Train every stage to its last epoch, resuming from an earlier checkpoint; return the last checkpoint's path.
+
+    mix: the data set of photographs and rendered pictures, for the stage that is trained on both.
+    """
     load_ultralytics(settings.work_dir / "ultralytics")
-    for cache in (dataset.parent / "labels").glob("*.cache"):
+    for cache in (cache for folder in (dataset.parent, settings.work_dir / "mix") for cache in folder.rglob("*.cache")):
         cache.unlink()  # a pickle, which Ultralytics would execute
-    last: Path | None = None
+    last = settings.start
     for stage in stages_of(settings):
         checkpoint = stage.checkpoint(settings.work_dir)
         done = Checkpoint.read(checkpoint).epoch + 1 if checkpoint.exists() else 0
         if done < stage.epochs:
-            _fit_stage(stage, checkpoint if done else last, settings, dataset, progress, resume=done > 0)
+            data = mix if stage.mixed and mix is not None else dataset
+            _fit_stage(stage, checkpoint if done else last, settings, data, progress, resume=done > 0)
         last = checkpoint
     assert last is not None  # noqa: S101 - there is at least one stage
     return last
@@ -69,7 +93,7 @@ def _fit_stage(
     model = YOLO(str(source if begin is not None else ARCHITECTURE), task="segment")
     _watch(model, stage, settings, progress)
     with quick_arithmetic(settings.workers, device_name(settings)):
-        model.train(trainer=trainer_class(), resume=resume, **arguments)
+        model.train(trainer=trainer_class(partial_labels=stage.mixed), resume=resume, **arguments)
     source.unlink(missing_ok=True)
 
 
@@ -105,7 +129,7 @@ def _arguments(stage: TrainingStage, settings: TrainingSettings, dataset: Path) 
         "plots": False,
         "exist_ok": True,
         "verbose": False,
-        **AUGMENTATION,
+        **(MIXED_AUGMENTATION if stage.mixed else AUGMENTATION),
     }
 
 

@@ -9,15 +9,18 @@ from typing import Final
 
 from services.training.card import Figures, effort_so_far, metered, model_card
 from services.training.checkpoints import Checkpoint, write_weights
-from services.training.dataset import VIEWS, holdout_seed, write_dataset
+from services.training.dataset import VIEWS, holdout_seed, rendered, write_dataset
 from services.training.evaluation.class_lists import ListScore
 from services.training.evaluation.near_objects import near_figures
+from services.training.evaluation.photographs import score_photographs
 from services.training.evaluation.precision import MaskScore
 from services.training.evaluation.predictor import CONFIDENCE, LOWEST_CONFIDENCE, Predictor, PredictorLoader
 from services.training.evaluation.scenes import HeldOutView, held_out_seeds, held_out_views
 from services.training.files import TrainingError, first_line
 from services.training.fitting import device_name, fit
+from services.training.mixing import write_mix
 from services.training.parallel import Progress
+from services.training.photographs import TEST_SPLITS, read_licences, read_photographs
 from services.training.refining.fitting import CHECKPOINT, kept_state
 from services.training.refining.refinement import Refinement
 from services.training.refining.run import refine
@@ -65,6 +68,7 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
     _check_device(settings)
     _claim(work_dir, settings)
     _check_checkpoints(settings)
+    photographs = [each for folder in settings.data for each in read_photographs(folder, "train")]
     record = work_dir / "effort.json"
     with metered(record):
         dataset = write_dataset(
@@ -75,7 +79,8 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
             holdout=settings.holdout,
             workers=settings.workers,
         )
-        checkpoint, unrefined = fit(settings, dataset, progress), work_dir / "unrefined.pt"
+        mix = write_mix(work_dir / "mix", photographs, rendered(dataset)) if photographs else None
+        checkpoint, unrefined = fit(settings, dataset, progress, mix), work_dir / "unrefined.pt"
         write_weights(checkpoint, unrefined, settings.imgsz)
         refined = refine(settings, unrefined, refinement, progress)
         write_weights(checkpoint, settings.output, settings.imgsz, refined.kept)
@@ -103,13 +108,22 @@ def evaluate(
     found = score(settings.output, "evaluate")
     before = None if unrefined is None else score(unrefined, "evaluate unrefined").masks.figures().overall
     drives = min(DRIVES, settings.holdout)
+    tests = [each for folder in settings.data for each in read_photographs(folder, *TEST_SPLITS)]
+    licences = {source: text for folder in settings.data for source, text in read_licences(folder).items()}
+    pictures = score_photographs(
+        tests,
+        load_at(settings.output, confidence=CONFIDENCE),
+        lambda done: progress("photographs", done, len(tests)),
+    )
     near = near_figures(
         load_at(settings.output, confidence=CONFIDENCE),
         [holdout_seed(settings.seed, settings.holdout // VIEWS + 1 + index) for index in range(drives)],
         FRAMES_PER_DRIVE,
         lambda done: progress("drive", done, drives),
     )
-    return Figures(found.masks.figures(), found.lists.figures(CONFIDENCE), near, before)
+    return Figures(
+        found.masks.figures(), found.lists.figures(CONFIDENCE), near, before, pictures if tests else {}, licences
+    )
 
 
 def _check_folder(option: str, named: Path, folder: Path) -> None:
@@ -144,6 +158,8 @@ def _claim(work_dir: Path, settings: TrainingSettings) -> None:
 
 def _check_checkpoints(settings: TrainingSettings) -> None:
     """Check in advance for errors that would otherwise occur after hours."""
+    if settings.start is not None:
+        _check_checkpoint(settings.start)
     for stage in stages_of(settings):
         _check_checkpoint(stage.checkpoint(settings.work_dir))
     kept_state(settings.work_dir / CHECKPOINT)

@@ -1,9 +1,9 @@
 """Settings of a training run."""
 
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
-from pydantic import BaseModel, Field, PositiveInt, field_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveInt, field_validator, model_validator
 
 WEIGHTS_FOLDER = Path(__file__).parents[1] / "detector" / "weights"
 DECISIVE: Final = {
@@ -17,6 +17,9 @@ DECISIVE: Final = {
     "refiner_epochs",
     "imgsz",
     "batch",
+    "data",
+    "data_epochs",
+    "start",
 }
 """The settings that determine the weights and their metrics on any machine."""
 
@@ -25,11 +28,14 @@ MOST_WORKERS: Final = 1024
 
 
 class TrainingSettings(BaseModel):
-    """Train a model for the simulated warehouse from scratch: render, train, evaluate, write weights and their card.
+    """Train a model on rendered pictures of the simulated warehouse, and on photographs where --data names some.
 
-    The defaults make the weights that are shipped, and put them in their place; that takes hours without a GPU. Stopped
-    at any time, the same command goes on from its last epoch.
+    Renders, trains, evaluates, and writes the weights and their card. From scratch that takes hours without a GPU;
+    --from begins with given weights and trains on the mix of photographs and rendered pictures alone. Stopped at any
+    time, the same command goes on from its last epoch.
     """
+
+    model_config = ConfigDict(validate_by_name=True, validate_by_alias=True)
 
     seed: int = Field(
         default=1, ge=0, description="seed of the scenes and the training; the same seed gives the same data"
@@ -50,6 +56,20 @@ class TrainingSettings(BaseModel):
         default=5,
         description="passes of the refiner over the objects found in these; rare classes are drawn more often",
     )
+    data: list[Path] = Field(
+        default=[],
+        max_length=100,
+        description="folder of labelled photographs to train on, too: train/images, train/labels (YOLO's form), and"
+        " val or test to evaluate on; incomplete.txt and boxes_only.txt say what is not labelled",
+    )
+    data_epochs: PositiveInt = Field(
+        default=12, description="passes over photographs and rendered pictures together, the last stage"
+    )
+    start: Path | None = Field(
+        default=None,
+        alias="from",
+        description="weights of this architecture to begin with, instead of from scratch; needs --data",
+    )
     imgsz: PositiveInt = Field(default=640, multiple_of=32, description="longer side of the model's input in pixels")
     batch: PositiveInt = Field(default=8, description="images per step")
     workers: int = Field(
@@ -64,6 +84,12 @@ class TrainingSettings(BaseModel):
         default=Path("runs/warehouse-n-seg"),
         description="folder for data set and checkpoints; an interrupted run with the same settings resumes here",
     )
+
+    @model_validator(mode="after")
+    def _has_something_to_train_on(self) -> Self:
+        if self.start is not None and not self.data:
+            raise ValueError("--from: nothing new to train on; name a folder of photographs with --data")
+        return self
 
     @field_validator("output")
     @classmethod

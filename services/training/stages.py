@@ -16,6 +16,7 @@ class TrainingStage:
     """Epochs at one size of the model's input; the learning rate falls from `first_rate` to `last_rate`.
 
     hold: epochs before the rate begins to fall, then with every batch; None has Ultralytics let it fall once an epoch.
+    mixed: photographs are trained on, too.
     """
 
     name: str
@@ -24,6 +25,7 @@ class TrainingStage:
     first_rate: float
     last_rate: float
     hold: int | None = None
+    mixed: bool = False
 
     def checkpoint(self, work_dir: Path) -> Path:
         """The path of the state after the last whole epoch; always a complete file, unlike Ultralytics' own."""
@@ -38,8 +40,12 @@ class TrainingStage:
 
 def stages_of(settings: TrainingSettings) -> tuple[TrainingStage, ...]:
     """The stages in their order; the last one's checkpoint is the run's."""
-    half = -(-settings.imgsz // 64) * 32
+    half, most = -(-settings.imgsz // 64) * 32, -(-settings.imgsz * 7 // 320) * 32
+    mixed = TrainingStage("mixed", most, settings.data_epochs, 4e-4, 8e-6, hold=0, mixed=True)
+    last = (mixed,) if settings.data else ()
+    if settings.start is not None:
+        return last
     coarse = TrainingStage("coarse", half, settings.coarse_epochs, 2e-3, 5e-4)
     fine = TrainingStage("fine", settings.imgsz, settings.epochs, 1.5e-3, 3e-5, hold=1)
     polish = TrainingStage("polish", settings.imgsz, settings.polish_epochs, 8e-4, 1e-5, hold=0)
-    return tuple(stage for stage in (coarse, fine, polish) if stage.epochs)
+    return (*(stage for stage in (coarse, fine, polish) if stage.epochs), *last)

@@ -9,9 +9,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
+from services.simulator.world import CLASSES
+from services.training.partial_labels import loss_class
 
-def trainer_class() -> type:
-    """The trainer; import it after `load_ultralytics`."""
+
+def trainer_class(*, partial_labels: bool = False) -> type:
+    """The trainer; import it after `load_ultralytics`. partial_labels: for a data set whose classes are codes."""
     import torch  # noqa: PLC0415 - only the training needs it
     from ultralytics.models.yolo.segment import SegmentationTrainer  # noqa: PLC0415 - after load_ultralytics
 
@@ -36,7 +39,29 @@ def trainer_class() -> type:
                 group.update(fused=True, foreach=False)
             return optimizer
 
-    return Trainer
+    return _partly_labelled(Trainer) if partial_labels else Trainer
+
+
+def _partly_labelled(trainer: Any) -> type:
+    """Return a trainer for the world's classes on a data set with `partial_labels` codes."""
+
+    class PartialLabelsTrainer(trainer):  # type: ignore[misc]
+        def get_model(self, *args: Any, **options: Any) -> Any:
+            codes, self.data["nc"] = self.data["nc"], len(CLASSES)
+            try:
+                return super().get_model(*args, **options)
+            finally:
+                self.data["nc"] = codes
+
+        def set_model_attributes(self) -> None:
+            super().set_model_attributes()
+            self.model.nc, self.model.names = len(CLASSES), dict(enumerate(CLASSES))
+
+        def _setup_train(self, *args: Any, **options: Any) -> None:
+            super()._setup_train(*args, **options)
+            self.model.criterion = loss_class()(self.model)
+
+    return PartialLabelsTrainer
 
 
 @contextmanager

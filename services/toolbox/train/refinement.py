@@ -1,8 +1,9 @@
 """The detector's own close-ups and network, for the training of its refiner."""
 
+from collections.abc import Mapping
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -20,8 +21,9 @@ from services.detector.runtime.refinement.refiner import (
     blank_close_ups,
     stretched,
 )
-from services.detector.runtime.refinement.torch_refiner import kept
+from services.detector.runtime.refinement.torch_refiner import KEY, kept
 from services.toolbox.train.inference import CAMERA, framed, objects_of, open_model
+from services.training.checkpoints import extras_of
 from services.training.refining.refinement import Looks, Refinement, RefinerLook
 
 CONFIDENCE: Final = 0.03
@@ -82,4 +84,12 @@ def _letterboxed(letterbox: Letterbox, mask: NDArray[np.uint8]) -> NDArray[np.ui
     return placed
 
 
-REFINEMENT: Final = Refinement(open=open_look, network=RefinerNetwork, stretched=stretched, kept=kept)
+def state_in(weights: Path) -> Mapping[str, Any] | None:
+    """Return the state of the refiner in weights; nothing in the file is executed."""
+    state: Mapping[str, Any] | None = extras_of(weights).get(KEY)
+    return state
+
+
+REFINEMENT: Final = Refinement(
+    open=open_look, network=RefinerNetwork, stretched=stretched, kept=kept, state_in=state_in
+)

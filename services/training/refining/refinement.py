@@ -1,6 +1,6 @@
 """The interface of the detector to the training of its refiner."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,10 +42,12 @@ class Refinement:
     open: loads weights, in any process, onto a device to look with them; the folder is for files of its own. network:
     makes a network that knows nothing yet, for so many classes and channels of features; its forward takes pixels,
     features, labels and scores to log odds of masks and of their qualities. stretched: a window of the model's input as
-    a close-up has it. kept: what weights have of a network.
+    a close-up has it. kept: what weights have of a network. state_in: the state of the network in weights, None
+    without one.
     """
 
     open: Callable[[Path, str, Path], RefinerLook]
     network: Callable[[int, int], "nn.Module"]
     stretched: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
     kept: Callable[["nn.Module"], dict[str, Any]]
+    state_in: Callable[[Path], Mapping[str, Any] | None]

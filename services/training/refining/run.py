@@ -25,7 +25,10 @@ class TrainedRefiner:
 
 
 def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, progress: Progress) -> TrainedRefiner:
-    """Train the refiner of `weights`, unless they find too few objects to learn from."""
+    """Train the refiner of `weights`, unless they find too few objects to learn from.
+
+    It begins with the refiner of the weights that the run began with, if they have one.
+    """
     import torch  # noqa: PLC0415 - only the training needs it
 
     seeds = refining_seeds(settings.seed, settings.images, settings.refiner_images)
@@ -39,5 +42,7 @@ def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, pr
         return TrainedRefiner({}, 0)
     torch.manual_seed(settings.seed)
     network = refinement.network(len(CLASSES), samples.take(np.zeros(1, np.int64))["features"].shape[-1])
+    if settings.start is not None and (state := refinement.state_in(settings.start)) is not None:
+        network.load_state_dict(state)
     fit_refiner(network, samples, settings=settings, progress=progress)
     return TrainedRefiner(refinement.kept(network), len(samples.labels))

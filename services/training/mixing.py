@@ -1,0 +1,55 @@
+"""Mixes photographs with rendered pictures in one data set, see `partial_labels` for its classes."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from services.training.files import TrainingError, write_whole
+from services.training.partial_labels import CODE_NAMES, LabelKind
+from services.training.photographs import Photograph
+
+MOST_REPEATS: Final = 4
+"""How often a photograph is taken in an epoch, at most, to balance rendered pictures."""
+
+EVERYWHERE: Final = "0 0 1 0 1 1 0 1"
+
+
+def write_mix(folder: Path, photographs: Sequence[Photograph], rendered: Sequence[Path]) -> Path:
+    """Copy the photographs into `folder`, list them with the rendered pictures, and return the data set's YAML.
+
+    Photographs are listed as often as it takes to have about as many of them as rendered ones.
+
+    Raises:
+        TrainingError: a photograph cannot be read, or a file cannot be written.
+    """
+    for kind in ("images", "labels"):
+        (folder / kind).mkdir(parents=True, exist_ok=True)
+    copies = [_copied(folder, number, photograph) for number, photograph in enumerate(photographs)]
+    repeats = min(max(1, -(-len(rendered) // max(1, len(copies)))), MOST_REPEATS)
+    listed = "".join(f"{path.resolve()}\n" for path in [*copies * repeats, *rendered])
+    write_whole(folder / "train.txt", listed.encode())
+    names = "".join(f"  {code}: {name}\n" for code, name in enumerate(CODE_NAMES))
+    description = folder / "mix.yaml"
+    write_whole(description, f"path: {folder.resolve()}\ntrain: train.txt\nval: train.txt\nnames:\n{names}".encode())
+    return description
+
+
+def _copied(folder: Path, number: int, photograph: Photograph) -> Path:
+    name = f"{number:06d}"
+    copy = folder / "images" / f"{name}{photograph.file.suffix.lower()}"
+    try:
+        content = photograph.file.read_bytes()
+    except OSError as error:
+        raise TrainingError(f"{photograph.file}: {error.strerror or error}") from error
+    write_whole(copy, content)
+    write_whole(folder / "labels" / f"{name}.txt", "".join(_lines(photograph)).encode())
+    return copy
+
+
+def _lines(photograph: Photograph) -> Iterator[str]:
+    for each in photograph.objects:
+        kind = LabelKind.BOX_ONLY if each.box_only else LabelKind.OBJECT
+        polygon = " ".join(f"{value:.5f}" for value in each.polygon.ravel())
+        yield f"{kind.code(each.class_index)} {polygon}\n"
+    for unknown in sorted(photograph.unknown):
+        yield f"{LabelKind.UNKNOWN_REGION.code(unknown)} {EVERYWHERE}\n"

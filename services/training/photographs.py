@@ -1,0 +1,165 @@
+"""Reads folders of labelled photographs as training and test data.
+
+A folder holds `train` and `val` (or `test`), each with `images/*.jpg` and `labels/*.txt`: one object a line, the class
+(0 box, 1 pallet, 2 forklift) and its polygon, normalised. A file name up to its first "_" is the picture's source.
+Two optional files say how far the labels go:
+
+- `incomplete.txt`: a line for each source, separated by tabs: `NAME labelled=box absent=forklift unknown=pallet`.
+  Objects of an unknown class may be in the pictures without a label, and count neither for nor against a prediction.
+- `boxes_only.txt`: pictures whose objects are known as bounding boxes alone; their polygons are those boxes.
+
+A third, `licences.txt`, goes into the model card: a line for each source, its licence and its origin, tabs between.
+
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.simulator.world import CLASSES
+from services.training.files import TrainingError
+
+IMAGE_SUFFIXES: Final = (".jpg", ".jpeg", ".png")
+TEST_SPLITS: Final = ("val", "test")
+ALL_CLASSES: Final = frozenset(range(len(CLASSES)))
+BOX_CORNERS: Final = 4
+
+SourceClasses = tuple[frozenset[int], frozenset[int]]
+"""The classes that a source labels, and those that are in none of its pictures."""
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledObject:
+    """One object: its class's index, its polygon (n, 2) in 0..1 of width and height; `box_only` if that is its box."""
+
+    class_index: int
+    polygon: NDArray[np.float64]
+    box_only: bool = False
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, top, right and bottom in 0..1."""
+        (left, top), (right, bottom) = self.polygon.min(axis=0), self.polygon.max(axis=0)
+        return float(left), float(top), float(right), float(bottom)
+
+
+@dataclass(frozen=True, slots=True)
+class Photograph:
+    """A picture's file, its source, its objects, and the indices of classes as its source labels them.
+
+    labelled: classes of which every object has a label. absent: classes that are in none of the pictures.
+    """
+
+    file: Path
+    source: str
+    objects: tuple[LabelledObject, ...]
+    labelled: frozenset[int] = ALL_CLASSES
+    absent: frozenset[int] = frozenset()
+
+    @property
+    def known(self) -> frozenset[int]:
+        """The classes that its labels are complete for."""
+        return self.labelled | self.absent
+
+    @property
+    def unknown(self) -> frozenset[int]:
+        return ALL_CLASSES - self.known
+
+
+def read_photographs(folder: Path, *splits: str) -> list[Photograph]:
+    """Return the photographs of these splits of a folder, in the order of their names.
+
+    Raises:
+        TrainingError: the folder has none of the splits or no picture there, or a line of a file cannot be read.
+    """
+    known = _source_classes(folder / "incomplete.txt")
+    boxes_only = _boxes_only(folder / "boxes_only.txt")
+    files = sorted(
+        file
+        for split in splits
+        for file in (folder / split / "images").glob("*")
+        if file.suffix.lower() in IMAGE_SUFFIXES
+    )
+    if not files:
+        wanted = " or ".join(f"{split}/images" for split in splits)
+        raise TrainingError(f"{folder}: no pictures in {wanted}; name a folder of photographs with labels")
+    return [_photograph(file, known, file.name in boxes_only) for file in files]
+
+
+def read_licences(folder: Path) -> dict[str, str]:
+    """Return each source's licence and origin in words, as far as the folder says.
+
+    Raises:
+        TrainingError: a line is no source, licence and origin.
+    """
+    file = folder / "licences.txt"
+    found = {}
+    for line in _lines(file) if file.exists() else []:
+        if line.strip() and not line.startswith("#"):
+            try:
+                source, licence, origin = line.split("\t")
+            except ValueError as error:
+                raise TrainingError(f"{file}: not a source, its licence and its origin: {line[:80]!r}") from error
+            found[source.strip()] = f"{licence.strip()}: {origin.strip()}"
+    return found
+
+
+def _photograph(file: Path, known: Mapping[str, SourceClasses], box_only: bool) -> Photograph:  # noqa: FBT001 - a fact
+    source = file.name.split("_", 1)[0]
+    labels = file.parents[1] / "labels" / f"{file.stem}.txt"
+    objects = tuple(_objects(labels, box_only=box_only)) if labels.exists() else ()
+    return Photograph(file, source, objects, *known.get(source, (ALL_CLASSES, frozenset())))
+
+
+def _objects(labels: Path, *, box_only: bool) -> Iterator[LabelledObject]:
+    for number, line in enumerate(_lines(labels), start=1):
+        try:
+            index, *values = line.split()
+            polygon = np.array([float(value) for value in values]).reshape(-1, 2)
+            class_index = int(index)
+        except ValueError as error:
+            raise TrainingError(f"{labels}, line {number}: not a class and a polygon of x y pairs") from error
+        if class_index not in ALL_CLASSES or len(polygon) < 2 or not np.isfinite(polygon).all():
+            raise TrainingError(f"{labels}, line {number}: not one of {len(CLASSES)} classes with a polygon")
+        if len(polygon) == 2:  # class, centre, size: the detection form
+            polygon = _corners(*polygon[0], *polygon[1])
+            yield LabelledObject(class_index, polygon, box_only=True)
+        else:
+            yield LabelledObject(class_index, polygon.clip(0, 1), box_only and len(polygon) == BOX_CORNERS)
+
+
+def _corners(x: float, y: float, width: float, height: float) -> NDArray[np.float64]:
+    left, top, right, bottom = x - width / 2, y - height / 2, x + width / 2, y + height / 2
+    return np.array([(left, top), (right, top), (right, bottom), (left, bottom)]).clip(0, 1)
+
+
+def _source_classes(file: Path) -> dict[str, SourceClasses]:
+    """Return the labelled and the absent classes of each source; sources without a line label all of them."""
+    if not file.exists():
+        return {}
+    return dict(_source(file, line) for line in _lines(file) if line.strip() and not line.startswith("#"))
+
+
+def _source(file: Path, line: str) -> tuple[str, SourceClasses]:
+    source, *fields = line.split("\t")
+    lists = dict(field.strip().partition("=")[::2] for field in fields)
+    names = {key: [name for name in lists.get(key, "").split(",") if name] for key in ("labelled", "absent", "unknown")}
+    if unheard := sorted({name for each in names.values() for name in each} - {*CLASSES}):
+        raise TrainingError(f"{file}: {source}: no class {unheard[0]!r}; there are {', '.join(CLASSES)}")
+    labelled, absent = (frozenset(map(CLASSES.index, names[key])) for key in ("labelled", "absent"))
+    return source.strip(), (labelled, absent)
+
+
+def _boxes_only(file: Path) -> frozenset[str]:
+    return frozenset(Path(line.strip()).name for line in _lines(file)) if file.exists() else frozenset()
+
+
+def _lines(file: Path) -> list[str]:
+    try:
+        return file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise TrainingError(f"{file}: {error}") from error

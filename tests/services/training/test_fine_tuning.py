@@ -1,0 +1,98 @@
+"""A run that begins with given weights, on photographs and rendered pictures: real rendering, real Ultralytics."""
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from benchmarks.photographs.stand_ins import write_stand_ins
+from services.detector.settings import SHIPPED_MODEL
+from services.toolbox.train.inference import open_weights
+from services.toolbox.train.refinement import REFINEMENT
+from services.training.checkpoints import Checkpoint
+from services.training.files import TrainingError
+from services.training.run import train
+from services.training.settings import TrainingSettings
+from services.training.stages import stages_of
+
+PICTURES = 6
+
+
+def photographs(folder: Path) -> Path:
+    """Make a folder whose pictures to train on, and to test on, are the same few; one of them has boxes alone."""
+    write_stand_ins(folder)
+    (folder / "train").symlink_to(folder / "val", target_is_directory=True)
+    (folder / "incomplete.txt").write_text("rendered\tlabelled=box,forklift\tabsent=\tunknown=pallet\n")
+    (folder / "boxes_only.txt").write_text("rendered_0.jpg\n")
+    (folder / "licences.txt").write_text("rendered\tAGPL-3.0\tmade here\n")
+    return folder
+
+
+def settings_for(folder: Path, **more: object) -> TrainingSettings:
+    sizes = {"images": 2, "holdout": 1, "refiner_images": 0, "imgsz": 64, "batch": 4, "workers": 1, "data_epochs": 2}
+    paths = {"output": folder / "out" / "site-seg.pt", "work_dir": folder / "work"}
+    return TrainingSettings.model_validate({"seed": 4, "device": "cpu", **sizes, **paths, **more})
+
+
+class Interrupted(Exception):  # noqa: N818 - what an interruption is, not an error
+    """Stops a run from within its progress report."""
+
+
+def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_path: Path) -> None:
+    settings = settings_for(tmp_path, **{"from": SHIPPED_MODEL, "data": [photographs(tmp_path / "data")]})
+    (stage,) = stages_of(settings)
+    reports: list[tuple[str, int, int]] = []
+
+    def interrupt(name: str, done: int, total: int) -> None:
+        if name == "train mixed" and done > total // 2:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        train(settings, interrupt, open_weights, REFINEMENT)
+    checkpoint = Checkpoint.read(stage.checkpoint(settings.work_dir))
+    assert checkpoint.epoch == 0
+    train(settings, lambda *report: reports.append(report), open_weights, REFINEMENT)
+
+    trained = [done for name, done, _ in reports if name == "train mixed"]
+    assert trained == list(range(trained[0], 2 * (trained[0] - 1) + 1))
+    assert ("photographs", PICTURES, PICTURES) in reports
+    before, after = (Checkpoint.read(file).weights for file in (SHIPPED_MODEL, settings.output))
+    assert before.keys() == after.keys()
+    moved = [name for name in before if not before[name].equal(after[name])]
+    assert moved
+    assert all((before[name] - after[name]).abs().max() < 1 for name in moved if name.endswith("conv.weight"))
+
+    card = settings.output.with_suffix(".md").read_text()
+    assert "from warehouse-n-seg.pt on rendered pictures of simulated warehouses and on photographs" in card
+    assert "--data data --data-epochs 2 --from warehouse-n-seg.pt" in card
+    assert "- `rendered`: AGPL-3.0: made here" in card
+    assert f"| rendered | {PICTURES} | box |" in card
+    assert f"| rendered | {PICTURES} | pallet |" not in card
+    assert str(tmp_path) not in card
+
+
+def test_photographs_are_the_last_stage_of_a_run_from_scratch(tmp_path: Path) -> None:
+    settings = settings_for(tmp_path, data=[tmp_path], data_epochs=3)
+    assert [stage.name for stage in stages_of(settings)] == ["coarse", "fine", "polish", "mixed"]
+    assert [stage.mixed for stage in stages_of(settings)] == [False, False, False, True]
+
+
+def test_weights_without_photographs_have_nothing_to_learn() -> None:
+    with pytest.raises(ValidationError, match="name a folder of photographs with --data"):
+        TrainingSettings.model_validate({"from": SHIPPED_MODEL})
+
+
+def test_a_folder_without_photographs_is_named_before_anything_is_rendered(tmp_path: Path) -> None:
+    settings = settings_for(tmp_path, data=[tmp_path / "nothing"])
+    with pytest.raises(TrainingError, match="nothing: no pictures in train/images"):
+        train(settings, lambda *_: None, open_weights, REFINEMENT)
+    assert not (settings.work_dir / "data").exists()
+
+
+def test_weights_that_cannot_be_read_are_named_before_anything_is_rendered(tmp_path: Path) -> None:
+    garbage = tmp_path / "garbage.pt"
+    garbage.write_bytes(b"nothing of the kind")
+    settings = settings_for(tmp_path, **{"from": garbage, "data": [photographs(tmp_path / "data")]})
+    with pytest.raises(TrainingError, match=r"garbage\.pt: not a checkpoint"):
+        train(settings, lambda *_: None, open_weights, REFINEMENT)
+    assert not (settings.work_dir / "data").exists()

@@ -1,0 +1,88 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from services.training.files import TrainingError
+from services.training.photographs import read_licences, read_photographs
+
+BOX, PALLET, FORKLIFT = range(3)
+
+
+def folder_with(folder: Path, labels: dict[str, str], **files: str) -> Path:
+    """Write pictures of no content with labels, and the files that say how far these go."""
+    for kind in ("images", "labels"):
+        (folder / "train" / kind).mkdir(parents=True)
+    for name, text in labels.items():
+        (folder / "train" / "images" / f"{name}.jpg").write_bytes(b"")
+        (folder / "train" / "labels" / f"{name}.txt").write_text(text)
+    for name, text in files.items():
+        (folder / f"{name}.txt").write_text(text)
+    return folder
+
+
+def test_objects_have_their_polygons_and_boxes(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, {"yard_1": "1 0.1 0.2 0.5 0.2 0.3 0.8\n"})
+    (photograph,) = read_photographs(folder, "train")
+    (pallet,) = photograph.objects
+    assert (photograph.source, pallet.class_index, pallet.box_only) == ("yard", PALLET, False)
+    assert pallet.box == pytest.approx((0.1, 0.2, 0.5, 0.8))
+    assert not photograph.unknown
+
+
+def test_the_detection_form_is_a_box_without_a_mask(tmp_path: Path) -> None:
+    (photograph,) = read_photographs(folder_with(tmp_path, {"a_1": "2 0.5 0.5 0.2 0.4\n"}), "train")
+    (forklift,) = photograph.objects
+    assert forklift.box_only
+    assert forklift.box == pytest.approx((0.4, 0.3, 0.6, 0.7))
+
+
+def test_a_listed_picture_has_boxes_but_polygons_of_more_corners_are_masks(tmp_path: Path) -> None:
+    labels = {"a_1": "0 0 0 1 0 1 1 0 1\n0 0 0 1 0 1 1 0.5 0.5 0 1\n"}
+    folder = folder_with(tmp_path, labels, boxes_only="test/images/a_1.jpg\n")
+    (photograph,) = read_photographs(folder, "train")
+    assert [each.box_only for each in photograph.objects] == [True, False]
+
+
+def test_sources_say_which_classes_they_label(tmp_path: Path) -> None:
+    told = (
+        "# a comment\n"
+        "rack\tlabelled=box\tabsent=forklift\tunknown=pallet\n"
+        "empty\tlabelled=\tabsent=box,pallet,forklift\n"
+    )
+    folder = folder_with(tmp_path, {"empty_1": "", "other_1": "", "rack_1": ""}, incomplete=told)
+    empty, other, rack = read_photographs(folder, "train")
+    assert (rack.labelled, rack.absent, rack.unknown) == ({BOX}, {FORKLIFT}, {PALLET})
+    assert (empty.labelled, empty.unknown) == (set(), set())
+    assert other.labelled == {BOX, PALLET, FORKLIFT}
+
+
+def test_points_outside_the_picture_are_moved_to_its_edge(tmp_path: Path) -> None:
+    (photograph,) = read_photographs(folder_with(tmp_path, {"a_1": "0 -0.1 0 1.2 0 1 1\n"}), "train")
+    assert np.all((photograph.objects[0].polygon >= 0) & (photograph.objects[0].polygon <= 1))
+
+
+@pytest.mark.parametrize("line", ["0 0.1", "x 0 0 1 1 0 1", "3 0 0 1 0 1 1", "0 nan 0 1 0 1 1", "0 0.1 0.2"])
+def test_a_bad_label_is_named_with_its_line(tmp_path: Path, line: str) -> None:
+    folder = folder_with(tmp_path, {"a_1": f"0 0 0 1 0 1 1\n{line}\n"})
+    with pytest.raises(TrainingError, match=r"a_1\.txt, line 2"):
+        read_photographs(folder, "train")
+
+
+def test_a_class_that_there_is_not_is_refused(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, {"a_1": ""}, incomplete="a\tlabelled=crate\n")
+    with pytest.raises(TrainingError, match=r"no class 'crate'; there are box, pallet, forklift"):
+        read_photographs(folder, "train")
+
+
+def test_a_folder_without_pictures_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TrainingError, match="no pictures in val/images or test/images"):
+        read_photographs(tmp_path, "val", "test")
+
+
+def test_licences_are_read_by_source(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, {}, licences="# comment\nyard\tCC BY 4.0\texample.org, by A\n")
+    assert read_licences(folder) == {"yard": "CC BY 4.0: example.org, by A"}
+    (tmp_path / "licences.txt").write_text("yard CC BY\n")
+    with pytest.raises(TrainingError, match="not a source, its licence and its origin"):
+        read_licences(folder)
