@@ -48,7 +48,8 @@ def loss_class() -> type:
             whole = batch | _picked(batch, ~regions) | {"cls": batch["cls"][~regions] % self.nc}
             self._box_only = self._per_image(kinds[~regions] == LabelKind.BOX_ONLY, whole["batch_idx"], preds)
             known = self._known(_picked(batch, regions), preds)
-            plain, self.bce = self.bce, _Masked(self.bce, known)
+            plain: Any = self.bce
+            self.bce = _Masked(plain, known)  # type: ignore[assignment]
             try:
                 return super().loss(preds, whole)
             finally:

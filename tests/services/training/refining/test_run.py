@@ -26,7 +26,7 @@ def unused(*_: object) -> dict[str, object]:
 
 
 def test_of_too_little_nothing_is_learned(tmp_path: Path) -> None:
-    blind = Refinement(open=open_blind, network=unused, stretched=unused, kept=unused)  # type: ignore[arg-type]
+    blind = Refinement(open_blind, unused, unused, unused, unused)  # type: ignore[arg-type]
     settings = TrainingSettings(images=2, refiner_images=2, workers=1, work_dir=tmp_path)
     reports: list[tuple[str, int, int]] = []
     found = refine(settings, Path("x.pt"), blind, lambda *report: reports.append((*report,)))
@@ -35,6 +35,6 @@ def test_of_too_little_nothing_is_learned(tmp_path: Path) -> None:
 
 
 def test_no_pictures_no_refiner(tmp_path: Path) -> None:
-    blind = Refinement(open=open_blind, network=unused, stretched=unused, kept=unused)  # type: ignore[arg-type]
+    blind = Refinement(open_blind, unused, unused, unused, unused)  # type: ignore[arg-type]
     settings = TrainingSettings(refiner_images=0, workers=1, work_dir=tmp_path)
     assert refine(settings, Path("x.pt"), blind, lambda *_: None) == TrainedRefiner({}, 0)

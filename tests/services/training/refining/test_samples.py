@@ -107,7 +107,7 @@ def nothing(*_: object) -> dict[str, object]:
     raise AssertionError
 
 
-REFINEMENT = Refinement(open=open_corner, network=nothing, stretched=stretched, kept=nothing)  # type: ignore[arg-type]
+REFINEMENT = Refinement(open_corner, nothing, stretched, nothing, nothing)  # type: ignore[arg-type]
 
 
 @pytest.fixture
