@@ -47,7 +47,7 @@ from services.worldmodel.inventory import Inventory
 from services.worldmodel.model import SiteModel
 
 SEED: Final = 1
-FIRST: Final = 300_000
+FIRST: Final = 310_000
 """The number, among a run's held-out scenes, of the first warehouse that is driven through here alone."""
 
 ROBOTS: Final = 3

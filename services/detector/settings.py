@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal, Self
 
-from pydantic import BaseModel, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, model_validator
 
 from bus.settings import BusSettings
 from bus.sharing.settings import SharingSettings
@@ -17,7 +17,14 @@ MOST_SIDE: Final = 4096
 
 MOST_THREADS: Final = 1024
 
-SHIPPED_MODEL = Path(__file__).parent / "weights" / "warehouse-n-seg.pt"
+WEIGHTS_FOLDER = Path(__file__).parent / "weights"
+SHIPPED_MODEL = WEIGHTS_FOLDER / "warehouse-n-seg.pt"
+
+
+def _shipped(model: str) -> str:
+    """Return the path of shipped weights that are given by their name alone; anything else as it is."""
+    shipped = WEIGHTS_FOLDER / model
+    return str(shipped) if model == shipped.name and not Path(model).exists() and shipped.is_file() else model
 
 
 def default_cache() -> Path:
@@ -79,7 +86,12 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
     """Run a YOLO model on the cameras whose results are subscribed to, one call per image."""
 
     model: Annotated[
-        str, Field(description="Ultralytics weights: a path, or with --download a published model's name")
+        str,
+        AfterValidator(_shipped),
+        Field(
+            description="Ultralytics weights: a path, the name of shipped ones such as photographs-n-seg.pt, or with"
+            " --download a published model's name"
+        ),
     ] = str(SHIPPED_MODEL)
     opinion: Annotated[
         bool,

@@ -107,9 +107,9 @@ within {near_metres:.0f} m, {near_share:.1%} were named right: a box of the righ
 {photographs}
 ## What it is not
 
-{limits} Objects that are far, small or mostly hidden are
-often missed, and trolleys, posts or bare walls are sometimes taken for forklifts. Things that it was never shown
-(people, cars, hand pallet trucks) may be taken for one of its classes.
+{limits}
+Objects that are far, small or mostly hidden are often missed, and trolleys, posts or bare walls are sometimes taken for
+forklifts. Things that it was never shown (people, cars, hand pallet trucks) may be taken for one of its classes.
 
 Licence: AGPL-3.0-or-later, as the project and the architecture's definition in Ultralytics are.
 """
