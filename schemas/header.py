@@ -71,8 +71,8 @@ class FrameOrder:
     A number alone is not trusted for long. One message with a number far ahead, from a fault or from somebody who
     speaks for the robot, would make every later frame an old one, for ever. late, implausible: how many were refused.
 
-    late: older than the newest one, or the same again. implausible: more than LONGEST_GAP ahead of it; when the next
-    one goes on from there, the count is believed.
+    late: older than the newest one, or the same again. implausible: more than LONGEST_GAP ahead of it; when another one
+    goes on from there, the count is believed, and steps as long as that.
     """
 
     __slots__ = (
@@ -82,6 +82,7 @@ class FrameOrder:
         "_late_at_ns",
         "_late_seq",
         "_late_since_ns",
+        "_most",
         "_outlived",
         "_seq",
         "implausible",
@@ -94,6 +95,7 @@ class FrameOrder:
         self._at_ns = 0
         self._outlived: tuple[tuple[str, int], ...] = ()
         self._ahead = -1
+        self._most = LONGEST_GAP
         self._late_seq = -1
         self._late_since_ns = 0
         self._late_at_ns = 0
@@ -138,7 +140,10 @@ class FrameOrder:
         return last_seq is None or (header.seq > last_seq and at_ns - self._at_ns > QUIET_NS)
 
     def _is_plausible(self, seq: int) -> bool:
-        if seq - self._seq <= LONGEST_GAP or 0 <= self._ahead < seq <= self._ahead + LONGEST_GAP:
+        if seq - self._seq <= self._most:
+            return True
+        if 0 <= self._ahead < seq:
+            self._most = max(self._most, 2 * (seq - self._ahead))  # this sender's steps are as long as that
             return True
         self._ahead = seq
         self.implausible += 1

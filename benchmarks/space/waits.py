@@ -71,7 +71,7 @@ def _run(odometry_hz: int, detected_s: float, rng: np.random.Generator) -> list[
 
 def _take(waiting: CloudJoiner, what: str, stamp_ns: int, now_s: float) -> None:
     if what == PICTURE:
-        head = replace(header(COLOR_OPTICAL, stamp_ns), seq=stamp_ns)
+        head = replace(header(COLOR_OPTICAL, stamp_ns), seq=stamp_ns // 1_000_000)
         waiting.detections(detections_of([], Camera(), head), now_s)
     elif what == POINTS:
         waiting.points(cloud_of(NO_POINTS, header(LIDAR, stamp_ns)))

@@ -193,12 +193,15 @@ class Film:
     def measure(self, number: int, parts: Collection[Part]) -> dict[Part, Array]:
         """Return these parts of an instant; the drive repeats after the last. Arrays may be read-only."""
         index = number % self.frames
-        kept = {part: self.store.get((self.seed, self.round, index, part)) for part in parts}
+        kept = {part: self.store.get(self._key(index, part)) for part in parts}
         missing = [part for part, array in kept.items() if array is None]
         made = self._made(index, missing) if missing else {}
         for part, array in made.items():
-            self.store.put((self.seed, self.round, index, part), array)
+            self.store.put(self._key(index, part), array)
         return {part: array for part, array in {**kept, **made}.items() if array is not None}
+
+    def _key(self, index: int, part: Part) -> Hashable:
+        return (self.seed, index, part, self.round) if self.round else (self.seed, index, part)
 
     def _made(self, index: int, parts: Collection[Part]) -> dict[Part, Array]:
         made: dict[Part, Array] = {}

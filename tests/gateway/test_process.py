@@ -49,6 +49,8 @@ async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_c
                 "/ultralytics/segmentation/image",
                 "/ultralytics/segmentation/points",
                 "/ultralytics/alerts",
+                "/fleetsight/obstacles",
+                "/fleetsight/objects",
                 "",
             ]
             async with RosMaster(port=port):

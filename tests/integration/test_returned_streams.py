@@ -48,9 +48,8 @@ TYPES = {
     DETECTION: ros_image.TYPE_NAME,
     SEGMENTATION: ros_image.TYPE_NAME,
     POINTS: ros_point_cloud.TYPE_NAME,
-    f"/{OBSTACLES_TOPIC}": ros_point_cloud.TYPE_NAME,
-    f"/{OBJECTS_TOPIC}": MARKERS,
 }
+AROUND = {f"/{OBSTACLES_TOPIC}": ros_point_cloud.TYPE_NAME, f"/{OBJECTS_TOPIC}": MARKERS}
 MADE: dict[Stream, Callable[[int], codec.Message]] = {
     Stream.CLASSES: lambda seq: class_list(("box", 2), seq=seq),
     Stream.DISTANCES: lambda seq: distances(known("box", 2.3125), unknown("forklift"), known("pallet", 4.02), seq=seq),
@@ -86,7 +85,7 @@ async def sending(rig: FleetRig, stream: str, schema: type[codec.Message]) -> As
 
 async def listen(ros: RosEnvironment, *topics: str) -> RosProcess:
     """Start a rospy node that subscribes to topics; those of no result are texts."""
-    named = (f"{topic}={TYPES.get(topic, STRING).partition('/')[2]}" for topic in topics)
+    named = (f"{topic}={(TYPES | AROUND).get(topic, STRING).partition('/')[2]}" for topic in topics)
     listener = await ros.script(LISTENER, *named)
     await listener.until_output("listener up")
     return listener

@@ -115,7 +115,7 @@ async def test_a_recorder_of_everything_wants_every_result_and_it_is_said_once(
         bag = await record_all(ros, rig, tmp_path / "all.bag")
         await rig.return_status("r1", "rear-2", lambda status: status.wanted)
         await until(lambda: front.wanted and rear.wanted, "all class lists are wanted")
-        await until(lambda: "subscribes to all 11 results" in caplog.text, "the log says so")
+        await until(lambda: "subscribes to all 13 results" in caplog.text, "the log says so")
         await bag.end()
         await until(lambda: not front.wanted and not rear.wanted, "none is wanted any more")
         await ros.rostopic("pub", "-r", "5", "/mode", STRING, "hello")

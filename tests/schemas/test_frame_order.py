@@ -70,6 +70,12 @@ def test_a_count_that_really_is_far_ahead_costs_one_frame() -> None:
     assert order.implausible == 1
 
 
+def test_a_sender_whose_numbers_are_stamps_loses_one_frame() -> None:
+    order = FrameOrder()
+    stamps = [1_000 * S + step * 33_333_333 for step in range(20)]
+    assert [taken(order, seq) for seq in stamps] == [True, False] + [True] * 18
+
+
 @pytest.mark.parametrize("forged", [(20_000,), (MAX_COUNT - 1, MAX_COUNT)])
 def test_forged_numbers_that_are_believed_blind_a_stream_for_seconds_alone(forged: tuple[int, ...]) -> None:
     order = FrameOrder()

@@ -1,6 +1,7 @@
 """Metrics and health."""
 
 import re
+import time
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +16,7 @@ from services.monitor.liveness import STALLED_S
 from services.monitor.web.metrics import MAX_LABELLED, metrics_of
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import until
+from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.asking import Web, web_in
 from tests.services.monitor.web.serving import monitor_on
@@ -102,6 +104,7 @@ async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: W
 async def test_the_page_of_the_monitor_names_every_metric(web: Web) -> None:
     fill(web.monitor.fleet)
     web.monitor.fleet.left_out["malformed messages"] += 1
+    web.monitor.fleet.sites.take(site_status("hall", box=1), time.time_ns())
     web.monitor.alerting._webhooks.counts["ops", Outcome.GIVEN_UP] += 1
     async with await web.program() as program:
         text = (await program.get("/metrics")).text
