@@ -19,6 +19,7 @@ from services.monitor.liveness import STALE_S, CameraLiveness, camera_state, is_
 from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.sites import Sites
 from services.monitor.robot_clocks import MAX_LAG_NS, Clocks
+from services.monitor.world.site_objects import World
 
 RATE_WINDOW_S: Final = 5.0
 MAX_AGES: Final = 100_000
@@ -136,6 +137,7 @@ class Fleet:
         self.inventory = Inventory(limits)
         self.places = SightingMap()
         self.sites = Sites()
+        self.world = World()
         self._cameras: dict[CameraKey, _Camera] = {}
         self.gateways: dict[str, GatewayStatus] = {}
         self.workers: dict[tuple[str, str], WorkerStatus] = {}

@@ -158,7 +158,7 @@ class Monitor:
         """Return the monitor's own problems, in lines."""
         status = self.history.status
         not_kept = status.problem and f"history is not being kept: {status.problem}"
-        found = (not_kept, *status.warnings, self.rules.problem, self.bus.links.problem)
+        found = (not_kept, *status.warnings, self.rules.problem, self.bus.links.problem, *self.fleet.world.problems())
         return [*(problem for problem in found if problem), *self.alerting.problems()]
 
     def rule_remarks(self) -> list[str]:

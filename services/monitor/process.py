@@ -38,6 +38,9 @@ from services.monitor.robot_clocks import Arrival, ClockHoldback
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.process import Web
+from services.monitor.world.following import follow_world
+from services.monitor.world.site_objects import World
+from services.monitor.world.zones import load_zones
 
 log = logging.getLogger(__name__)
 
@@ -60,6 +63,7 @@ async def run(settings: MonitorSettings) -> None:
     Raises:
         RuleFileError: the rule file cannot be used.
         FloorPlanError: the floor plan cannot be used.
+        ZoneFileError: the zone file cannot be used.
         OtherVersionError: the database of the history or of the users is another version's.
         WebError: the page's port cannot be had.
         BusError: the bus refuses its settings.
@@ -97,11 +101,14 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     Raises:
         RuleFileError: the rule file cannot be used.
         FloorPlanError: the floor plan cannot be used.
+        ZoneFileError: the zone file cannot be used.
         OtherVersionError: the database of the history is another version's.
     """
     rules = RuleFile(settings.rules)
     await rules.load()
     plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
+    if settings.zones is not None:
+        fleet.world = World(await asyncio.to_thread(load_zones, settings.zones))
     health = Health(bus, hub=settings.mode != "client")
     alerting = Alerting(rules, fleet.inventory, Heartbeat(health.heard_s, settings.lease_s))
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places, alerting)
@@ -169,6 +176,7 @@ async def watch_fleet(
         )
         group.create_task(_watch(bus, fleet, cameras, lambda key, alive: _camera(fleet, key, alive=alive)))
         group.create_task(measure_clocks(bus, fleet))
+        group.create_task(follow_world(bus, fleet.world, fleet.sites))
         group.create_task(_tick(fleet, undated, told))
 
 
@@ -277,6 +285,7 @@ def _site_status(fleet: Fleet, sample: Sample) -> None:
     if status.site != worker_keys.parse_world(sample.key)[0]:
         raise SchemaError(f"status of site {status.site}")
     fleet.sites.take(status, sample.received_ns)
+    fleet.world.hear(status)
 
 
 def _robot(fleet: Fleet, key: str, *, alive: bool) -> None:

@@ -91,6 +91,9 @@ class WebSettings(BaseModel):
     floor_plan: RegularFile | None = Field(
         default=None, description="floor plan to draw the map on: YAML file of a map in the format of ROS's map_server"
     )
+    zones: RegularFile | None = Field(
+        default=None, description="YAML file of zones, areas of a site's map in which objects are counted"
+    )
     web_session_hours: float = Field(
         default=168, gt=0, le=8_760, description="hours of inactivity after which a user is logged out"
     )

@@ -176,6 +176,7 @@ COMMANDS: Final = (
             "services.monitor.map.floor_plan:FloorPlanError",
             "services.monitor.rules.loading:RuleFileError",
             "services.monitor.web.process:WebError",
+            "services.monitor.world.zones:ZoneFileError",
         ),
         extra="monitor",
         examples=(

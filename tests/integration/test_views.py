@@ -9,6 +9,7 @@ from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import time_ns
 
 import numpy as np
 import pytest
@@ -26,10 +27,13 @@ from services.monitor.map.floor_plan import MOST_CELLS, FloorPlan, MapDescriptio
 from services.monitor.monitor import Monitor
 from services.monitor.process import watch_fleet
 from services.monitor.web.pages.picture_frame import VIEW_STYLE
+from services.monitor.world.site_objects import World
 from services.simulator.floor_plan import write_floor_plan
 from tests.integration.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.sights import Robot, robot_on, until
+from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.serving import Served, monitor_on, served
+from tests.services.monitor.world.test_site_objects import DOCK, RACK, thing
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
 
@@ -165,6 +169,21 @@ async def test_the_map_is_drawn_on_the_floor_plan(site: Site, tmp_path: Path) ->
         await expect(plan).to_be_visible()
         assert await page.evaluate(SIZE_OF_IMAGE, await plan.get_attribute("href")) == [333, 313]
         await looker.picture("map-desk-light")
+
+
+async def test_zones_are_on_the_map_with_what_is_in_them(site: Site, tmp_path: Path) -> None:
+    fleet = site.monitor.fleet
+    fleet.world = World([DOCK, RACK])
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/map")
+        await expect(page.locator(".fs-map .zone polygon")).to_have_count(2)
+        await expect(page.get_by_text("Zone dock: not known, as no world model tells of site hall")).to_be_visible()
+        fleet.world.sites["hall"].replace("e", 0, [thing("a", 1), thing("p", 7, name="pallet")])
+        fleet.sites.take(site_status("hall"), time_ns() + 60 * 10**9)
+        await expect(page.get_by_text("Zone dock: 1 box; Zone rack: 1 pallet")).to_be_visible()
+        await expect(page.locator(".fs-map .zone title").first).to_have_text("dock: 1 box")
+        await looker.picture("zones-desk-light")
+    fleet.world = World()
 
 
 async def test_thin_walls_of_a_large_floor_plan_are_seen(site: Site) -> None:

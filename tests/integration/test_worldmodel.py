@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from time import time
+from time import time, time_ns
 
 import msgspec
 import pytest
@@ -24,7 +24,12 @@ from schemas.world import (
     WorldChanges,
     WorldRequest,
 )
+from services.monitor.fleet import Fleet
+from services.monitor.process import watch_fleet
+from services.monitor.world.site_objects import World
+from services.monitor.world.zones import Zone
 from services.toolbox.demo.children import Child
+from tests.contract.waiting import until
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig
 from tests.services.worldmodel.scene import Camera, Thing, view
 
@@ -187,6 +192,32 @@ async def test_another_worker_takes_a_site_over_with_its_ids() -> None:
         assert time() - lost_s < 5  # what is promised
         after = await until_known(central.bus, len(THINGS))
         assert {each.id for each in after.objects} == {each.id for each in before.objects}
+
+
+async def test_a_monitor_counts_what_is_in_each_zone_also_after_another_worker_took_over() -> None:
+    robots, fleet = Robots(THINGS), Fleet("clock")
+    near = Zone(name="near", site=SITE, corners=((3, -2), (4, -2), (4, 2), (3, 2)))
+    far = Zone(name="far", site=SITE, corners=((4, -2), (6, -2), (6, 2), (4, 2)))
+    fleet.world = World([near, far])
+
+    def counts() -> list[dict[str, int]]:
+        found = fleet.world.zones(fleet.sites, time_ns())
+        return [{name: count for name, count in each.objects.items() if count} for each in found if each.current]
+
+    async with fleet_rig() as central, robots.looking(central.bus):
+        watching = asyncio.create_task(watch_fleet(central.bus, fleet))
+        first = await start(central, "w1")
+        await until(lambda: counts() == [{"box": 1, "pallet": 1}, {"box": 1}])
+        robots.things = THINGS[1:]
+        await until(lambda: counts() == [{"pallet": 1}, {"box": 1}])
+        first.process.terminate()
+        await first.process.wait()
+        await until(lambda: not counts())
+        await start(central, "w2")
+        robots.things = THINGS[:2]
+        await until(lambda: counts() == [{"box": 1, "pallet": 1}, {}])
+        watching.cancel()
+        await asyncio.wait([watching])
 
 
 async def test_a_robot_without_a_map_and_one_that_talks_nonsense_are_named() -> None:

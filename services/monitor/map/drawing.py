@@ -12,6 +12,8 @@ from services.monitor.liveness import OBJECT_FRESH_NS, is_recent
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import MapObject
 from services.monitor.map.pose import DrawnRobot
+from services.monitor.map.sites import totals
+from services.monitor.world.site_objects import ZoneCount
 
 NS: Final = 1_000_000_000
 MOST_SHOWN: Final = 500
@@ -92,15 +94,18 @@ def svg_of(
     robots: Sequence[DrawnRobot],
     now_ns: int,
     plan: tuple[FloorPlan, str] | None = None,
+    *,
+    zones: Sequence[ZoneCount] = (),
 ) -> str:
     """Return the map with the first MOST_SHOWN marks. Names from the bus are escaped.
 
-    plan: what is under all of it, and where a browser finds its image.
+    plan: what is under all of it, and where a browser finds its image. zones: drawn on it, below everything else.
     """
     scale = _Scale.of(bounds)
     drawn = [
         *([] if plan is None else [_plan(*plan, scale)]),
         *_grid(scale),
+        *(_zone(each, scale) for each in zones),
         *(_mark(mark, scale, now_ns) for mark in reversed(marks[:MOST_SHOWN])),
         *(_robot(robot, scale, now_ns) for robot in robots if _is_near(robot.pose.x, robot.pose.y)),
     ]
@@ -123,6 +128,18 @@ def _plan(plan: FloorPlan, url: str, scale: _Scale) -> str:
         f'<g transform="translate({x} {y}) rotate({round(-math.degrees(plan.yaw), 2)})">'
         f'<image class="plan" href="{escape(url)}" y="{-high}" width="{wide}" height="{high}"'
         ' preserveAspectRatio="none"/></g>'
+    )
+
+
+def _zone(counted: ZoneCount, scale: _Scale) -> str:
+    zone = counted.zone
+    points = [scale.at(x, y) for x, y in zone.corners]
+    x, y = min(x for x, _ in points), min(y for _, y in points)
+    says = f"{zone.name}: {totals(counted.objects) if counted.current else 'not known'}"
+    return (
+        f'<g class="zone"><title>{escape(says)}</title>'
+        f'<polygon points="{" ".join(f"{across},{down}" for across, down in points)}"/>'
+        f'<text x="{x + 6}" y="{y + 20}">{escape(zone.name)}</text></g>'
     )
 
 

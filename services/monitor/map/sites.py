@@ -1,6 +1,7 @@
 """The sites that world models keep, by their own word. Pure: time is an argument."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import Final
 
@@ -37,6 +38,16 @@ class Sites:
         if len(self._known) > MAX_SITES:
             del self._known[next(iter(self._known))]
 
+    def is_current(self, site: str, now_ns: int) -> bool:
+        """Whether a site is looked after now."""
+        known = self._known.get(site)
+        return known is not None and known.is_current(now_ns)
+
+    def classes(self, site: str) -> AbstractSet[str]:
+        """Return the classes of which a site has objects."""
+        known = self._known.get(site)
+        return set() if known is None else known.status.objects.keys()
+
     def every(self) -> list[KnownSite]:
         """Return all sites by name."""
         return [self._known[name] for name in sorted(self._known)]
@@ -46,7 +57,7 @@ class Sites:
         return (each.status for each in self.every() if each.is_current(now_ns))
 
 
-def totals(status: SiteStatus) -> str:
-    """Return what is in a site, in words, such as `52 box, 25 pallet`."""
-    counted = [f"{count} {name}" for name, count in sorted(status.objects.items()) if count]
+def totals(objects: Mapping[str, int]) -> str:
+    """Return how many objects there are of each class, in words, such as `52 box, 25 pallet`."""
+    counted = [f"{count} {name}" for name, count in sorted(objects.items()) if count]
     return ", ".join(counted) or "nothing yet"

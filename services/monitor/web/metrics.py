@@ -100,11 +100,19 @@ def _of_sites(monitor: Monitor) -> Iterator[Metric]:
     doubted = GaugeMetricFamily(
         "fleetsight_site_doubted_robots", "Robots whose sightings are left out for now.", labels=["site"]
     )
-    for status in monitor.fleet.sites.current(time.time_ns()):
+    zones = GaugeMetricFamily(
+        "fleetsight_zone_objects", "Objects in a zone of a site, each once.", labels=["site", "zone", "class"]
+    )
+    now_ns = time.time_ns()
+    for counted in monitor.fleet.world.zones(monitor.fleet.sites, now_ns):
+        if counted.current:
+            for name, count in sorted(counted.objects.items())[:MAX_REASONS]:
+                zones.add_metric([counted.zone.site, counted.zone.name, name], count)
+    for status in monitor.fleet.sites.current(now_ns):
         doubted.add_metric([status.site], sum(bool(robot.doubted) for robot in status.robots))
         for name, count in sorted(status.objects.items())[:MAX_REASONS]:
             objects.add_metric([status.site, name], count)
-    yield from (objects, doubted)
+    yield from (objects, doubted, zones)
 
 
 def _of_robots(robots: tuple[RobotLine, ...]) -> Iterator[Metric]:

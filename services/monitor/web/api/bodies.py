@@ -35,7 +35,9 @@ from services.monitor.web.api.models import (
     SiteAnswer,
     StreamAnswer,
     WorkerAnswer,
+    ZoneAnswer,
 )
+from services.monitor.world.site_objects import ZoneCount
 
 M = TypeVar("M", bound=Part)
 
@@ -168,6 +170,12 @@ def site_answer(known: KnownSite, now_ns: int) -> SiteAnswer:
         problems=tuple(of.problems),
         robots=tuple(RobotOffsetAnswer.model_validate(each) for each in of.robots),
     )
+
+
+def zone_answer(counted: ZoneCount) -> ZoneAnswer:
+    """Return a zone's model."""
+    objects = {name: count for name, count in sorted(counted.objects.items()) if count}
+    return answer_of(ZoneAnswer, counted.zone, current=counted.current, objects=objects)
 
 
 def gateway_answer(of: GatewayStatus, last_ns: int, *, online: bool) -> GatewayAnswer:

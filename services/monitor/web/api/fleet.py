@@ -24,6 +24,7 @@ from services.monitor.web.api.bodies import (
     sighting_body,
     site_answer,
     worker_answer,
+    zone_answer,
 )
 from services.monitor.web.api.models import (
     CameraAnswer,
@@ -33,8 +34,10 @@ from services.monitor.web.api.models import (
     SightingAnswer,
     SiteAnswer,
     WorkerAnswer,
+    ZoneAnswer,
 )
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, operator_of, page_of, place_of
+from services.monitor.world.site_objects import ZoneCount
 
 PLACE: Final = attrgetter("robot", "camera")
 
@@ -166,6 +169,15 @@ def _account_routes(monitor: Monitor) -> APIRouter:
         found, mark = page_of(monitor.fleet.sites.every(), _site_place, limit, after, 1)
         return page_response(now_ns, [encoded_answer(site_answer(each, now_ns)) for each in found], mark)
 
+    @router.get("/zones", response_model=Page[ZoneAnswer])
+    async def zones(*, site: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
+        """What is in each zone of the zone file, by site and name: every object once, whoever saw it."""
+        now_ns, fleet = time.time_ns(), monitor.fleet
+        counted = fleet.world.zones(fleet.sites, now_ns)
+        every = sorted((each for each in counted if site in ("", each.zone.site)), key=_zone_place)
+        found, mark = page_of(every, _zone_place, limit, after, 2)
+        return page_response(now_ns, [encoded_answer(zone_answer(each)) for each in found], mark)
+
     @router.get("/workers", response_model=Page[WorkerAnswer])
     async def workers(*, service: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
         """Every worker: the cameras it serves, and its frame counts."""
@@ -197,6 +209,10 @@ def _entry_place(entry: Entry) -> tuple[str, ...]:
 
 def _site_place(known: KnownSite) -> tuple[str, ...]:
     return (known.status.site,)
+
+
+def _zone_place(counted: ZoneCount) -> tuple[str, ...]:
+    return (counted.zone.site, counted.zone.name)
 
 
 def _worker_place(line: WorkerLine) -> tuple[str, ...]:

@@ -187,6 +187,19 @@ class SiteAnswer(Part):
     robots: tuple[RobotOffsetAnswer, ...]
 
 
+class ZoneAnswer(Part):
+    """A zone of a site. corners: x, y in the site's map, metres. objects: by class, each once.
+
+    current: its world model said so within 5 seconds, and the monitor has all of it.
+    """
+
+    site: str
+    name: str
+    corners: tuple[tuple[float, float], ...]
+    current: bool
+    objects: dict[str, int]
+
+
 class StreamAnswer(Part):
     """A ROS topic on its way to the bus."""
 

@@ -26,6 +26,7 @@ from services.monitor.web.pages.components import MAP, still
 from services.monitor.web.pages.frame import nothing_yet, page_at, page_frame
 from services.monitor.web.pages.picture_frame import VIEW_STYLE, PageVisibility
 from services.monitor.web.pages.rows.formatting import ago, plural
+from services.monitor.world.site_objects import ZoneCount
 
 FOR_EVER: Final = {"Cache-Control": "private, max-age=31536000, immutable"}
 
@@ -87,6 +88,7 @@ class _Map:
                         'dense outlined options-dense aria-label="Robot"'
                     )
                 self._sites = ui.label().classes("fs-line")
+                self._zones = ui.label().classes("fs-line")
                 self._picture = ui.html(sanitize=False).classes("fs-map")
                 self._empty = nothing_yet(
                     ROBOT_ICON,
@@ -133,13 +135,18 @@ class _Map:
         self._placed = self._placed or bool(points)
         if self._plan is not None and not (points and self._robot.value):
             points += self._plan[0].corners
+        sites = self._monitor.fleet.sites
+        zones = list(self._monitor.fleet.world.zones(sites, now_ns))
+        if not (points and self._robot.value):
+            points += [corner for each in zones for corner in each.zone.corners]
         self._bounds = Bounds.around(points, self._bounds)
         self._empty.set_visibility(not self._placed)
         self._picture.set_visibility(self._bounds is not None)
         if self._bounds is not None:
-            self._picture.set_content(svg_of(self._bounds, marks, robots, now_ns, self._plan))
+            self._picture.set_content(svg_of(self._bounds, marks, robots, now_ns, self._plan, zones=zones))
         self._explain(marks, now_ns)
-        self._sites.set_text("; ".join(in_words(status) for status in self._monitor.fleet.sites.current(now_ns)))
+        self._sites.set_text("; ".join(in_words(status) for status in sites.current(now_ns)))
+        self._zones.set_text("; ".join(zone_in_words(each) for each in zones[:MOST_LISTED]))
         placed = {robot.name for robot in robots if robot.live}
         without = [f"{name}: {why}" for name, why in poses.items() if isinstance(why, str) and name not in placed]
         left_out = f"and {plural(more, 'robot')} more: choose one above" if more > 0 else ""
@@ -155,7 +162,14 @@ class _Map:
 def in_words(status: SiteStatus) -> str:
     """Return what a world model says of a site, each object counted once."""
     problems = f" ({'; '.join(status.problems)})" if status.problems else ""
-    return f"In {status.site}: {totals(status)}{problems}"
+    return f"In {status.site}: {totals(status.objects)}{problems}"
+
+
+def zone_in_words(counted: ZoneCount) -> str:
+    """Return what is in a zone, or why that is not known."""
+    zone = counted.zone
+    known = totals(counted.objects) if counted.current else f"not known, as no world model tells of site {zone.site}"
+    return f"Zone {zone.name}: {known}"
 
 
 def _title(text: str) -> None:

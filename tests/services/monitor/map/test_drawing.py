@@ -8,6 +8,8 @@ from services.monitor.map.drawing import MOST_SHOWN, Bounds, colour_of, is_fresh
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import MapObject
 from services.monitor.map.pose import DrawnRobot, Pose
+from services.monitor.world.site_objects import ZoneCount
+from services.monitor.world.zones import Zone
 
 NOW = 1_000_000_000_000
 BOUNDS = Bounds(-2, -2, 10, 5)
@@ -44,6 +46,21 @@ def test_east_is_right_and_north_is_up_on_one_scale() -> None:
     (x2, y2), (x1, y1), (x0, y0) = ((float(each.get("cx", "")), float(each.get("cy", ""))) for each in circles)
     assert x1 - x0 == y0 - y2 > 0
     assert (y1, x2) == (y0, x0)
+
+
+def test_a_zone_is_drawn_where_it_is_below_objects_with_what_is_in_it() -> None:
+    zone = Zone(name="<dock>", corners=((0, 0), (4, 0), (4, 3)))
+    svg = drawn(svg_of(BOUNDS, [mark(0, 0), mark(4, 3)], [], NOW, zones=[ZoneCount(zone, {"box": 2}, current=True)]))
+    far, near = svg.findall("circle")
+    group = next(each for each in svg if each.get("class") == "zone")
+    assert list(svg).index(group) < list(svg).index(far)
+    polygon = group.find("polygon")
+    assert polygon is not None
+    corners = polygon.get("points", "").split()
+    assert (corners[0], corners[2]) == tuple(f"{each.get('cx')},{each.get('cy')}" for each in (near, far))
+    assert [each.text for each in group if each.text] == ["<dock>: 2 box", "<dock>"]
+    unknown = svg_of(BOUNDS, [], [], NOW, zones=[ZoneCount(zone, {"box": 2}, current=False)])
+    assert "&lt;dock&gt;: not known" in unknown
 
 
 def test_the_floor_plan_lies_under_everything_where_its_corner_is_and_turned_about_it() -> None:

@@ -39,5 +39,5 @@ def test_of_too_many_sites_the_one_heard_of_longest_ago_is_forgotten() -> None:
 
 
 def test_totals_are_words() -> None:
-    assert totals(status(pallet=2, box=5, forklift=0)) == "5 box, 2 pallet"
-    assert totals(status()) == "nothing yet"
+    assert totals({"pallet": 2, "box": 5, "forklift": 0}) == "5 box, 2 pallet"
+    assert totals({}) == "nothing yet"

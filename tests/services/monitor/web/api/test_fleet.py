@@ -18,12 +18,14 @@ from services.monitor.inventory.inventory import Inventory
 from services.monitor.web.api.fleet import SightingKey, SightingQuery, some_entries
 from services.monitor.web.api.live import TOPICS
 from services.monitor.web.auth.users import Role
+from services.monitor.world.site_objects import World
 from tests.services.monitor.inventory.seeing import S, seen
 from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.api.test_alerts import alert, raise_alert
 from tests.services.monitor.web.asking import Web
 from tests.services.monitor.web.serving import monitor_on, served
+from tests.services.monitor.world.test_site_objects import DOCK, RACK, thing
 
 
 async def test_the_fleet_as_it_is(web: Web) -> None:
@@ -93,6 +95,32 @@ async def test_sites_have_each_object_once_and_say_whether_they_are_current(web:
     assert 'fleetsight_site_objects{class="box",site="hall"} 2.0' in metrics
     assert 'fleetsight_site_doubted_robots{site="hall"} 1.0' in metrics
     assert 'site="yard"' not in metrics
+
+
+async def test_zones_have_the_objects_in_them_and_say_whether_they_are_current(web: Web) -> None:
+    fleet = web.monitor.fleet
+    yard = DOCK.model_copy(update={"site": "yard"})
+    fleet.world = World([yard, RACK, DOCK])
+    for site in ("hall", "yard"):
+        fleet.sites.take(site_status(site), time.time_ns())
+    fleet.world.sites["hall"].replace("e", 0, [thing("a", 1), thing("b", 2), thing("p", 7, name="pallet")])
+    async with await web.program() as program:
+        items = (await program.get("/api/v1/zones")).json()["items"]
+        assert [(each["site"], each["name"], each["current"], each["objects"]) for each in items] == [
+            ("hall", "dock", True, {"box": 2}),
+            ("hall", "rack", True, {"pallet": 1}),
+            ("yard", "dock", False, {}),
+        ]
+        assert items[0]["corners"] == [[0, 0], [4, 0], [4, 4], [0, 4]]
+        page = (await program.get("/api/v1/zones?site=hall&limit=1")).json()
+        assert [each["name"] for each in page["items"]] == ["dock"]
+        rest = (await program.get("/api/v1/zones", params={"site": "hall", "after": page["next"]})).json()
+        assert [each["name"] for each in rest["items"]] == ["rack"]
+        fleet.world.sites["hall"].replace("e", 1, [thing("a", 1)])
+        metrics = (await program.get("/metrics")).text
+    assert 'fleetsight_zone_objects{class="box",site="hall",zone="dock"} 1.0' in metrics
+    assert 'fleetsight_zone_objects{class="pallet",site="hall",zone="rack"} 0.0' in metrics
+    assert 'site="yard",zone' not in metrics
 
 
 async def test_filters_leave_out_the_rest(web: Web) -> None:

@@ -9,7 +9,9 @@ from services.monitor.liveness import OBJECT_FRESH_NS
 from services.monitor.map.drawing import STALE, colour_of
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import MapObject
-from services.monitor.web.pages.map import floor_plan_route, keys, row, url_of
+from services.monitor.web.pages.map import floor_plan_route, keys, row, url_of, zone_in_words
+from services.monitor.world.site_objects import ZoneCount
+from services.monitor.world.zones import Zone
 
 NOW = 10**18
 HTML = "<b onclick=x>"
@@ -40,6 +42,12 @@ def test_what_was_not_seen_for_a_while_is_grey() -> None:
 def test_names_are_text() -> None:
     assert HTML not in keys([mark(HTML)], NOW) + row(mark(HTML), NOW)
     assert "&lt;b onclick=x&gt;" in row(mark(HTML), NOW)
+
+
+def test_a_zone_is_told_with_its_objects_or_why_these_are_not_known() -> None:
+    zone = Zone(name=HTML, site="hall", corners=((0, 0), (4, 0), (4, 4)))
+    assert zone_in_words(ZoneCount(zone, {"box": 2, "pallet": 0}, current=True)) == f"Zone {HTML}: 2 box"
+    assert "no world model tells of site hall" in zone_in_words(ZoneCount(zone, {"box": 2}, current=False))
 
 
 PLAN = FloorPlan(b"\x89PNG", 3.0, 2.0, 0.0, 0.0, 0.0, ())

@@ -1,0 +1,91 @@
+"""Follows the changes of sites on the bus, and asks for all objects of a site where some were missed."""
+
+import asyncio
+import logging
+import time
+from collections.abc import Iterable
+from typing import Final
+
+from bus import QUEUE, Bus, RequestError, Sample
+from schemas import codec, worker_keys
+from schemas.errors import SchemaError
+from schemas.world import WorldAnswer, WorldChanges, WorldObject, WorldRequest
+from services.monitor.event_loop import AT_ONCE
+from services.monitor.map.sites import Sites
+from services.monitor.world.site_objects import SiteObjects, World
+
+log = logging.getLogger(__name__)
+
+DEPTH: Final = 10_000
+KEPT: Final = 100
+"""Messages that a world model keeps for late subscribers."""
+
+ASK_EVERY_S: Final = 1.0
+TIMEOUT_S: Final = 10.0
+
+
+async def follow_world(bus: Bus, world: World, sites: Sites) -> None:
+    """Keep the objects of the sites with zones up to date until cancelled; without zones nothing is subscribed.
+
+    sites: whose world models are there: the others are not asked.
+    """
+    async with asyncio.TaskGroup() as group:
+        for name, objects in world.sites.items():
+            group.create_task(_receive(bus, name, objects))
+            group.create_task(_catch_up(bus, name, objects, sites))
+
+
+async def _receive(bus: Bus, site: str, objects: SiteObjects) -> None:
+    key = worker_keys.world_changes(site)
+    async with bus.subscribe(key, QUEUE(DEPTH), recover=KEPT) as subscription:
+        async for batch in subscription.batches(AT_ONCE):
+            for sample in batch:
+                try:
+                    objects.take(_changes(sample, site))
+                except SchemaError as error:
+                    log.warning("%s: left out: %s", sample.key, error)
+            await asyncio.sleep(0)  # lets other tasks run while more messages wait
+
+
+def _changes(sample: Sample, site: str) -> WorldChanges:
+    changes = codec.decode(WorldChanges, sample.payload, sample.encoding)
+    if changes.site != site:
+        raise SchemaError(f"changes of site {changes.site}")
+    return changes
+
+
+async def _catch_up(bus: Bus, site: str, objects: SiteObjects, sites: Sites) -> None:
+    failed = ""
+    while True:
+        if objects.is_behind and sites.is_current(site, time.time_ns()):
+            try:
+                await _ask_for_all(bus, site, objects, sites)
+                failed = ""
+            except (RequestError, SchemaError) as error:
+                if str(error) != failed:
+                    log.warning("site %s: its objects are asked for again: %s", site, error)
+                failed = str(error)
+        await asyncio.sleep(ASK_EVERY_S)
+
+
+async def _ask_for_all(bus: Bus, site: str, objects: SiteObjects, sites: Sites) -> None:
+    """Ask for all objects; class by class where they do not fit into one answer."""
+    answers = [await _ask(bus, site, WorldRequest())]
+    if not answers[0].complete:
+        first = answers.pop()
+        names = {*sites.classes(site), *(each.name for each in first.objects)}
+        answers = [await _ask(bus, site, WorldRequest(name=name)) for name in sorted(names)]
+    epochs = {answer.epoch for answer in answers}
+    if len(epochs) == 1:  # else another worker took the site over meanwhile: ask again
+        objects.replace(epochs.pop(), min(answer.last for answer in answers), _every(answers))
+
+
+def _every(answers: Iterable[WorldAnswer]) -> Iterable[WorldObject]:
+    return (each for answer in answers for each in answer.objects)
+
+
+async def _ask(bus: Bus, site: str, question: WorldRequest) -> WorldAnswer:
+    encoding = codec.encoding(WorldRequest)
+    key = worker_keys.world_objects(site)
+    reply = await bus.request(key, codec.encode(question), encoding=encoding, timeout_s=TIMEOUT_S)
+    return codec.decode(WorldAnswer, reply.payload, reply.encoding)

@@ -1,0 +1,150 @@
+"""The objects of sites and their zones, kept up to date from a world model's changes. Pure."""
+
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+
+from schemas.world import ChangeKind, SiteStatus, WorldChange, WorldChanges, WorldObject
+from services.monitor.map.sites import Sites
+from services.monitor.world.zones import Zone, ZoneFinder
+
+MAX_SITE_OBJECTS: Final = 100_000
+"""Objects of a site that are followed; a world model keeps as many unless told otherwise."""
+
+MAX_BUFFERED: Final = 1_000
+"""Messages that wait for the answer with all objects; of more, the oldest are dropped, and it is asked for again."""
+
+
+class PlacedObject(msgspec.Struct, frozen=True, gc=False):
+    """An object: its class, the centre of its box in the site's map in metres, and the zones around that."""
+
+    name: str
+    x: float
+    y: float
+    zones: tuple[str, ...]
+
+
+class SiteObjects:
+    """The objects of one site by id, and how many of each class are in each zone.
+
+    Changes are applied in order. `is_behind` while some were missed, as before the first answer: then all objects have
+    to be asked for. is_full: there are more objects than are followed; the others are in no total.
+    """
+
+    def __init__(self, zones: Iterable[Zone], *, most: int = MAX_SITE_OBJECTS) -> None:
+        self.zones = tuple(zones)
+        self.objects: dict[str, PlacedObject] = {}
+        self.is_full = False
+        self.is_behind = True
+        self._finder = ZoneFinder(self.zones)
+        self._most = most
+        self._counts: dict[str, Counter[str]] = {zone.name: Counter() for zone in self.zones}
+        self._epoch = ""
+        self._last = 0
+        self._told_last = 0
+        self._waiting: deque[WorldChanges] = deque(maxlen=MAX_BUFFERED)
+
+    def count(self, zone: str) -> Mapping[str, int]:
+        """Return how many objects of each class are in a zone; 0 for classes of which all have left."""
+        return self._counts[zone]
+
+    def take(self, changes: WorldChanges) -> None:
+        """Apply the changes that are new; keep them for later while `is_behind`."""
+        missed = changes.epoch != self._epoch or changes.first > self._last + 1
+        if self.is_behind or missed:
+            self.is_behind = True
+            self._waiting.append(changes)
+            return
+        self._apply(changes)
+
+    def hear(self, status: SiteStatus) -> None:
+        """Compare with what the world model says; be behind if changes that it told of a status ago never came."""
+        if status.epoch != self._epoch or self._last < self._told_last:
+            self.is_behind = True
+        self._told_last = status.last
+
+    def replace(self, epoch: str, last: int, objects: Iterable[WorldObject]) -> None:
+        """Take all objects as of the change numbered `last`, then the changes that came meanwhile."""
+        self._epoch, self._last, self._told_last, self.is_behind = epoch, last, last, False
+        self.objects, self.is_full = {}, False
+        self._counts = {zone: Counter(dict.fromkeys(counts, 0)) for zone, counts in self._counts.items()}
+        for each in objects:
+            self._put(each)
+        waiting = [each for each in self._waiting if each.epoch == epoch]
+        self._waiting.clear()
+        for each in waiting:
+            self.take(each)
+
+    def _apply(self, changes: WorldChanges) -> None:
+        new = self._last + 1 - changes.first
+        for change in changes.changes[new:]:
+            self._change(change)
+        self._last = max(self._last, changes.first + len(changes.changes) - 1)
+
+    def _change(self, change: WorldChange) -> None:
+        match change.kind:
+            case ChangeKind.GONE | ChangeKind.MERGED:
+                self._remove(change.object.id)
+            case _:
+                self._put(change.object)
+
+    def _put(self, of: WorldObject) -> None:
+        before = self.objects.get(of.id)
+        x, y = of.at[0], of.at[1]
+        if before is not None and (before.name, before.x, before.y) == (of.name, x, y):
+            return
+        if before is None and len(self.objects) >= self._most:
+            self.is_full = True
+            return
+        placed = PlacedObject(of.name, x, y, self._finder.at(x, y))
+        self.objects[of.id] = placed
+        self._move(before, placed)
+
+    def _remove(self, object_id: str) -> None:
+        self._move(self.objects.pop(object_id, None), None)
+
+    def _move(self, before: PlacedObject | None, now: PlacedObject | None) -> None:
+        for zone in () if before is None else before.zones:
+            self._counts[zone][before.name] -= 1  # type: ignore[union-attr]
+        for zone in () if now is None else now.zones:
+            self._counts[zone][now.name] += 1  # type: ignore[union-attr]
+
+
+@dataclass(frozen=True, slots=True)
+class ZoneCount:
+    """How many objects of each class are in a zone. current: they are known as of now."""
+
+    zone: Zone
+    objects: Mapping[str, int]
+    current: bool
+
+
+class World:
+    """The sites that have zones. Other sites are not followed, so that they cost nothing."""
+
+    def __init__(self, zones: Sequence[Zone] = ()) -> None:
+        by_site: defaultdict[str, list[Zone]] = defaultdict(list)
+        for zone in zones:
+            by_site[zone.site].append(zone)
+        self.sites: dict[str, SiteObjects] = {site: SiteObjects(of) for site, of in sorted(by_site.items())}
+
+    def zones(self, sites: Sites, now_ns: int) -> Iterator[ZoneCount]:
+        """Yield each zone with its objects, by site, in the order of the file. sites: whose models are there."""
+        for name, site in self.sites.items():
+            current = not site.is_behind and sites.is_current(name, now_ns)
+            for zone in site.zones:
+                yield ZoneCount(zone, site.count(zone.name), current)
+
+    def problems(self) -> Iterator[str]:
+        """Yield a line for each site that has more objects than are followed."""
+        for name, site in self.sites.items():
+            if site.is_full:
+                yield f"site {name} has more than {len(site.objects):,} objects; the others are counted in no zone"
+
+    def hear(self, status: SiteStatus) -> None:
+        """Take what a world model says of its site."""
+        if (site := self.sites.get(status.site)) is not None:
+            site.hear(status)

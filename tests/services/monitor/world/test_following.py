@@ -1,0 +1,134 @@
+"""The objects of a site as a monitor follows them on the bus."""
+
+import asyncio
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass, field
+from time import time_ns
+
+import pytest
+
+from bus import Bus, Publisher, QoS, RefusedError, Reply, Request
+from bus.fake import FakeNetwork
+from schemas import codec, worker_keys
+from schemas.world import ChangeKind, WorldAnswer, WorldChanges, WorldObject, WorldRequest
+from services.monitor.map.sites import Sites
+from services.monitor.world.following import follow_world
+from services.monitor.world.site_objects import World
+from tests.contract.waiting import until
+from tests.services.monitor.map.test_sites import status
+from tests.services.monitor.world.test_site_objects import DOCK, change, changes, thing
+
+KEY = worker_keys.world_changes("hall")
+
+
+@dataclass
+class Model:
+    """A world model's answers. most: objects that fit into one. refuses: why it answers nothing."""
+
+    objects: Sequence[WorldObject] = ()
+    last: int = 0
+    most: int = 100
+    refuses: str = ""
+    asked: list[str] = field(default_factory=list)
+
+    async def answer(self, request: Request) -> Reply:
+        asked = codec.decode(WorldRequest, request.payload, request.encoding)
+        self.asked.append(asked.name)
+        if self.refuses:
+            raise RefusedError(self.refuses)
+        found = [each for each in self.objects if asked.name in ("", each.name)]
+        answer = WorldAnswer(
+            site="hall",
+            epoch="e",
+            last=self.last,
+            now_ns=0,
+            objects=found[: self.most],
+            complete=len(found) <= self.most,
+        )
+        return Reply(codec.encode(answer), codec.encoding(WorldAnswer))
+
+
+@dataclass
+class Hall:
+    """A site that a monitor follows."""
+
+    model: Model
+    world: World
+    bus: Bus
+    told: Publisher
+
+    @property
+    def boxes(self) -> int:
+        return self.world.sites["hall"].count("dock").get("box", 0)
+
+
+@asynccontextmanager
+async def hall_of(model: Model, *, serves: bool = True) -> AsyncIterator[Hall]:
+    network, world, sites = FakeNetwork(), World([DOCK]), Sites()
+    sites.take(status("hall", box=1, pallet=1), time_ns())
+    async with AsyncExitStack() as stack:
+        theirs, ours = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
+        if serves:
+            await stack.enter_async_context(theirs.serve(worker_keys.world_objects("hall"), model.answer))
+        told = await stack.enter_async_context(
+            theirs.publisher(KEY, QoS.RESULT, encoding=codec.encoding(WorldChanges), kept=100)
+        )
+        following = asyncio.create_task(follow_world(ours, world, sites))
+        try:
+            yield Hall(model, world, theirs, told)
+        finally:
+            following.cancel()
+            await asyncio.wait([following])
+
+
+async def test_a_late_joiner_asks_for_all_and_goes_on_with_changes() -> None:
+    async with hall_of(Model([thing("a", 1), thing("b", 2)], last=7)) as hall:
+        await until(lambda: hall.boxes == 2)
+        hall.told.put(codec.encode(changes(8, change(ChangeKind.GONE, thing("a", 1)))))
+        await until(lambda: hall.boxes == 1)
+        assert hall.model.asked == [""]
+
+
+async def test_after_a_gap_all_are_asked_for_again() -> None:
+    async with hall_of(Model([thing("a", 1)], last=1)) as hall:
+        await until(lambda: hall.boxes == 1)
+        hall.model.objects, hall.model.last = [thing("a", 1), thing("b", 1), thing("c", 1)], 5
+        hall.told.put(codec.encode(changes(4, *[change(ChangeKind.SEEN, thing("a", 1))] * 2)))
+        await until(lambda: hall.boxes == 3)
+
+
+async def test_what_does_not_fit_into_one_answer_is_asked_for_by_class() -> None:
+    objects = [thing("a", 1), thing("b", 1), thing("p", 1, name="pallet")]
+    async with hall_of(Model(objects, most=2)) as hall:
+        await until(lambda: hall.boxes == 2)
+        assert hall.world.sites["hall"].count("dock") == {"box": 2, "pallet": 1}
+        assert hall.model.asked == ["", "box", "pallet"]
+
+
+async def test_a_refused_question_is_asked_again_and_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    async with hall_of(Model([thing("a", 1)], refuses="not yet")) as hall:
+        await until(lambda: len(hall.model.asked) == 2)
+        hall.model.refuses = ""
+        await until(lambda: hall.boxes == 1)
+    assert sum("not yet" in each.message for each in caplog.records) == 1
+
+
+async def test_messages_that_are_none_are_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    async with hall_of(Model([thing("a", 1)], last=1)) as hall:
+        await until(lambda: hall.boxes == 1)
+        hall.told.put(b"none")
+        elsewhere = WorldChanges(site="yard", epoch="e", first=2, sent_ns=0, changes=[])
+        hall.told.put(codec.encode(elsewhere))
+        hall.told.put(codec.encode(changes(2, change(ChangeKind.APPEARED, thing("b", 1)))))
+        await until(lambda: hall.boxes == 2)
+    assert sum("left out" in each.message for each in caplog.records) == 2
+
+
+async def test_without_zones_nothing_is_subscribed() -> None:
+    network = FakeNetwork()
+    async with network.open_bus() as theirs, network.open_bus() as ours:
+        await follow_world(ours, World(), Sites())  # ends at once, as there is nothing to follow
+        async with theirs.publisher(KEY, QoS.RESULT, encoding=codec.encoding(WorldChanges)) as publisher:
+            await asyncio.sleep(0.1)
+            assert not publisher.wanted

@@ -1,0 +1,150 @@
+import msgspec
+import pytest
+
+from schemas.space import Vector
+from schemas.world import ChangeKind, WorldChange, WorldChanges, WorldObject
+from services.monitor.map.sites import FRESH_NS, Sites
+from services.monitor.world.site_objects import MAX_BUFFERED, SiteObjects, World
+from services.monitor.world.zones import Zone
+from tests.services.monitor.map.test_sites import status
+
+DOCK = Zone(name="dock", site="hall", corners=((0, 0), (4, 0), (4, 4), (0, 4)))
+RACK = Zone(name="rack", site="hall", corners=((3, 0), (8, 0), (8, 4), (3, 4)))
+
+
+def thing(object_id: str, x: float, y: float = 1.0, name: str = "box") -> WorldObject:
+    at: Vector = (x, y, 0.5)
+    return WorldObject(
+        id=object_id,
+        site="hall",
+        name=name,
+        at=at,
+        covariance=(0.01, 0, 0, 0.01, 0, 0.01),
+        size=(1.0, 1.0, 1.0),
+        existence=1.0,
+        first_ns=1,
+        last_ns=2,
+    )
+
+
+def change(kind: ChangeKind, of: WorldObject) -> WorldChange:
+    return WorldChange(kind=kind, at_ns=1, object=of, into="other" if kind is ChangeKind.MERGED else None)
+
+
+def changes(first: int, *some: WorldChange, epoch: str = "e") -> WorldChanges:
+    return WorldChanges(site="hall", epoch=epoch, first=first, sent_ns=0, changes=list(some))
+
+
+APPEARED, MOVED, GONE, BACK, MERGED, SEEN = (ChangeKind(kind) for kind in ChangeKind)
+
+
+@pytest.fixture
+def hall() -> SiteObjects:
+    found = SiteObjects([DOCK, RACK])
+    found.replace("e", 0, [])
+    return found
+
+
+def test_each_zone_counts_the_objects_in_it_as_they_come_move_and_go(hall: SiteObjects) -> None:
+    hall.take(changes(1, *(change(APPEARED, thing(f"o{x}", x)) for x in (1, 2, 3.5)), change(APPEARED, thing("p", 9))))
+    assert (hall.count("dock"), hall.count("rack")) == ({"box": 3}, {"box": 1})
+    hall.take(changes(5, change(MOVED, thing("o1", 7)), change(SEEN, thing("o2", 2))))
+    assert (hall.count("dock"), hall.count("rack")) == ({"box": 2}, {"box": 2})
+    hall.take(changes(7, change(GONE, thing("o1", 7)), change(MERGED, thing("o2", 2)), change(GONE, thing("o3.5", 3))))
+    assert (hall.count("dock"), hall.count("rack")) == ({"box": 0}, {"box": 0})
+    hall.take(changes(10, change(BACK, thing("o1", 7, name="pallet"))))
+    assert hall.count("rack") == {"box": 0, "pallet": 1}
+    assert hall.objects.keys() == {"p", "o1"}
+
+
+def test_an_object_of_another_class_than_before_counts_as_that(hall: SiteObjects) -> None:
+    hall.take(changes(1, change(APPEARED, thing("a", 1)), change(SEEN, thing("a", 1, name="pallet"))))
+    assert hall.count("dock") == {"box": 0, "pallet": 1}
+
+
+def test_what_goes_twice_or_was_never_there_counts_once(hall: SiteObjects) -> None:
+    hall.take(changes(1, change(APPEARED, thing("a", 1)), *[change(GONE, thing("a", 1))] * 2))
+    hall.take(changes(4, change(GONE, thing("never", 1))))
+    assert hall.count("dock") == {"box": 0}
+
+
+def test_changes_that_came_before_are_not_applied_again(hall: SiteObjects) -> None:
+    first = changes(1, change(APPEARED, thing("a", 1)), change(GONE, thing("a", 1)))
+    hall.take(first)
+    hall.take(first)
+    hall.take(changes(2, change(GONE, thing("a", 1)), change(APPEARED, thing("b", 1))))
+    assert (hall.objects.keys(), hall.is_behind) == ({"b"}, False)
+
+
+@pytest.mark.parametrize(
+    "missed", [changes(3, change(APPEARED, thing("c", 1))), changes(2, change(APPEARED, thing("c", 1)), epoch="f")]
+)
+def test_after_a_gap_or_in_another_epoch_all_are_asked_for_and_later_changes_wait(
+    hall: SiteObjects, missed: WorldChanges
+) -> None:
+    hall.take(changes(1, change(APPEARED, thing("a", 1))))
+    hall.take(missed)
+    later = msgspec.structs.replace(missed, first=missed.first + 1, changes=[change(APPEARED, thing("d", 7))])
+    hall.take(later)
+    assert (hall.is_behind, hall.objects.keys()) == (True, {"a"})
+    hall.replace(missed.epoch, missed.first, [thing("b", 1), thing("c", 1)])
+    assert (hall.is_behind, hall.objects.keys()) == (False, {"b", "c", "d"})
+    assert (hall.count("dock"), hall.count("rack")) == ({"box": 2}, {"box": 1})
+
+
+def test_an_answer_that_is_older_than_what_was_missed_is_not_enough(hall: SiteObjects) -> None:
+    hall.take(changes(5, change(APPEARED, thing("a", 1))))
+    hall.replace("e", 2, [])
+    assert hall.is_behind
+    hall.replace("e", 4, [])
+    assert (hall.is_behind, hall.objects.keys()) == (False, {"a"})
+
+
+def test_what_waits_is_limited(hall: SiteObjects) -> None:
+    for number in range(MAX_BUFFERED + 1):
+        hall.take(changes(number + 2, change(APPEARED, thing(f"o{number}", 1))))
+    hall.replace("e", 1, [])
+    assert hall.is_behind
+
+
+def test_changes_that_a_status_told_of_and_that_never_came_are_noticed_at_the_next(hall: SiteObjects) -> None:
+    told = msgspec.structs.replace(status("hall"), last=1)
+    hall.hear(told)
+    assert not hall.is_behind
+    hall.hear(told)
+    assert hall.is_behind
+    hall.replace("e", 1, [thing("a", 1)])
+    hall.hear(told)
+    assert not hall.is_behind
+    hall.hear(msgspec.structs.replace(told, epoch="f"))
+    assert hall.is_behind
+
+
+def test_of_too_many_objects_the_first_are_followed_and_that_is_told() -> None:
+    hall = SiteObjects([DOCK], most=2)
+    hall.replace("e", 0, [thing("a", 1), thing("b", 1), thing("c", 1)])
+    assert (hall.count("dock"), hall.is_full) == ({"box": 2}, True)
+    hall.take(changes(1, change(GONE, thing("a", 1)), change(SEEN, thing("c", 1))))
+    assert (hall.objects.keys(), hall.count("dock")) == ({"b", "c"}, {"box": 2})
+
+
+def test_zones_are_current_while_their_world_model_is_there_and_all_is_known() -> None:
+    other = msgspec.structs.replace  # sites keep to themselves
+    yard = DOCK.model_copy(update={"site": "yard"})
+    world, sites = World([DOCK, yard, RACK]), Sites()
+    assert [(each.zone.site, each.zone.name) for each in world.zones(sites, 0)] == [
+        ("hall", "dock"),
+        ("hall", "rack"),
+        ("yard", "dock"),
+    ]
+    for name in ("hall", "yard", "elsewhere"):
+        sites.take(status(name), 10)
+        world.hear(other(status(name), epoch="e"))
+    assert not any(each.current for each in world.zones(sites, 10))
+    world.sites["hall"].replace("e", 0, [thing("a", 1)])
+    assert [(each.current, each.objects) for each in world.zones(sites, 10)] == [
+        (True, {"box": 1}),
+        (True, {}),
+        (False, {}),
+    ]
+    assert not any(each.current for each in world.zones(sites, 11 + FRESH_NS))
