@@ -33,15 +33,16 @@ class AlertState(StrEnum):
 class Alert(msgspec.Struct, frozen=True, kw_only=True):
     """The current state of an alert; sent again with the same id and a later changed_ns on each change.
 
-    rule: the rule that raised it. camera, name: the camera and the class of objects it is about; empty where there is
-    none. text: for people. raised_ns, changed_ns: nanoseconds since the epoch on the monitor's system clock.
+    rule: the rule that raised it. robot, camera, name: the robot, the camera and the class of objects it is about; each
+    is empty where there is none. Alerts without a robot are about a zone, and are not sent to robots. text: for people.
+    raised_ns, changed_ns: nanoseconds since the epoch on the monitor's system clock.
     """
 
     id: Id
     rule: Label
     severity: Severity
     state: AlertState
-    robot: Name
+    robot: MaybeName
     camera: MaybeName = ""
     name: Label = ""
     text: Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]

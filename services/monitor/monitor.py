@@ -4,7 +4,7 @@ import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import chain, islice
 from typing import Final
 
 from bus import Bus
@@ -21,9 +21,10 @@ from services.monitor.history.state import Act
 from services.monitor.inventory.inventory import Entry
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.rules.loading import remarks
-from services.monitor.rules.model import RuleBook
+from services.monitor.rules.model import RuleBook, WorldRule
 from services.monitor.settings import MonitorSettings
 from services.monitor.snapshot import FleetView, Snapshot, SnapshotMaker, Workers, known_until_ns
+from services.monitor.world.conditions import remarks_on_zones
 
 log = logging.getLogger(__name__)
 
@@ -177,7 +178,9 @@ class Monitor:
             return any(camera.primary is not None and name in camera.primary.classes for camera in inventory.cameras())
 
         robots = set(self.fleet_view().robots)
-        return list(islice(remarks(book, detectors, opinions, seen, robots), MAX_REMARKS))
+        of_sites = [rule for rule in book.rules if isinstance(rule, WorldRule)]
+        every = chain(remarks_on_zones(of_sites, self.fleet.world), remarks(book, detectors, opinions, seen, robots))
+        return list(islice(every, MAX_REMARKS))
 
     def _noted(self, alert: Alert, by: str) -> Alert:
         self.history.act(Act(alert.id, AlertState(alert.state), by, time.time_ns()))

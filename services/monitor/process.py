@@ -38,6 +38,7 @@ from services.monitor.robot_clocks import Arrival, ClockHoldback
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.process import Web
+from services.monitor.world.conditions import WorldConditions
 from services.monitor.world.following import follow_world
 from services.monitor.world.site_objects import World
 from services.monitor.world.zones import load_zones
@@ -110,7 +111,8 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     if settings.zones is not None:
         fleet.world = World(await asyncio.to_thread(load_zones, settings.zones))
     health = Health(bus, hub=settings.mode != "client")
-    alerting = Alerting(rules, fleet.inventory, Heartbeat(health.heard_s, settings.lease_s))
+    conditions = WorldConditions(fleet.world, fleet.sites, fleet.places.poses)
+    alerting = Alerting(rules, fleet.inventory, Heartbeat(health.heard_s, settings.lease_s), conditions=conditions)
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places, alerting)
     monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan)
 

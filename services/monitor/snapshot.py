@@ -234,7 +234,7 @@ def known_until_ns(alert: Alert, inventory: Inventory, now_ns: int) -> int | Non
 
     That is when its camera was heard last, or, if that is unknown, when it was raised.
     """
-    if alert.state is AlertState.RESOLVED or not alert.name:  # only silence alerts have no class
+    if alert.state is AlertState.RESOLVED or not alert.name or not alert.camera:  # of silence, or of a site's objects
         return None
     view = inventory.camera(CameraKey(alert.robot, alert.camera))
     if view is None:

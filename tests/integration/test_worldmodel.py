@@ -25,8 +25,11 @@ from schemas.world import (
     WorldRequest,
 )
 from services.monitor.fleet import Fleet
-from services.monitor.process import watch_fleet
-from services.monitor.world.site_objects import World
+from services.monitor.history.archive import HistoryQuery
+from services.monitor.monitor import Monitor
+from services.monitor.process import running, watch_fleet
+from services.monitor.settings import MonitorSettings
+from services.monitor.world.site_objects import World, ZoneCount
 from services.monitor.world.zones import Zone
 from services.toolbox.demo.children import Child
 from tests.contract.waiting import until
@@ -218,6 +221,47 @@ async def test_a_monitor_counts_what_is_in_each_zone_also_after_another_worker_t
         await until(lambda: counts() == [{"box": 1, "pallet": 1}, {}])
         watching.cancel()
         await asyncio.wait([watching])
+
+
+ZONES_FILE = """
+zones:
+  - {name: near, site: hall-2, corners: [[3, -2], [4, -2], [4, 2], [3, 2]]}
+"""
+RULES_FILE = """
+rules:
+  - {name: boxes out, when: zone_under, class: box, site: hall-2, zone: near, count: 1}
+  - {name: box left, when: leaves, class: box, site: hall-2, zone: near}
+"""
+
+
+async def test_rules_on_a_zone_raise_alerts_that_are_in_the_history_and_outlive_a_restart(tmp_path: Path) -> None:
+    zones, rules = tmp_path / "zones.yaml", tmp_path / "rules.yaml"
+    zones.write_text(ZONES_FILE, encoding="utf-8")
+    rules.write_text(RULES_FILE, encoding="utf-8")
+    history = f"sqlite:///{tmp_path / 'history.db'}"
+    settings = MonitorSettings(zones=zones, rules=rules, history=history, web=False)
+    robots = Robots(THINGS)
+    async with fleet_rig() as central, robots.looking(central.bus):
+        await start(central, "w1")
+        async with running(settings, central.bus, Fleet("clock")) as monitor:
+            await until(lambda: any(each.objects.get("box") for each in zones_of(monitor)))
+            robots.things = THINGS[1:]
+            await until(lambda: {alert.rule for alert in monitor.alerts()} == {"boxes out", "box left"})
+            assert {(alert.robot, alert.name) for alert in monitor.alerts()} == {("", "box")}
+            under = next(alert for alert in monitor.alerts() if alert.rule == "boxes out")
+            assert under.text == "0 box in hall-2/near, under 1"
+            await until(lambda: not monitor.history.status.pending)
+            stored = await monitor.archive.alerts(HistoryQuery(), 10)
+            assert {alert.rule for alert in stored} == {"boxes out", "box left"}
+        async with running(settings, central.bus, Fleet("clock")) as monitor:
+            await until(lambda: under.id in {alert.id for alert in monitor.alerts()})
+            await until(lambda: any(each.current for each in zones_of(monitor)))
+            robots.things = THINGS
+            await until(lambda: not monitor.alerts())
+
+
+def zones_of(monitor: Monitor) -> list[ZoneCount]:
+    return list(monitor.fleet.world.zones(monitor.fleet.sites, time_ns()))
 
 
 async def test_a_robot_without_a_map_and_one_that_talks_nonsense_are_named() -> None:

@@ -22,7 +22,7 @@ def sent(message: Alert | Action, **fields: Any) -> Alert | Action:
         (alert(), "id", "a" * 65),
         (alert(), "severity", "panic"),
         (alert(), "state", "forgotten"),
-        (alert(), "robot", ""),
+        (alert(), "robot", "a/b"),
         (alert(), "camera", "a/b"),
         (alert(), "text", "a" * (MAX_TEXT + 1)),
         (alert(), "changed_ns", -1),

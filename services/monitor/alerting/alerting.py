@@ -23,12 +23,16 @@ from services.monitor.inventory.sighting import NS, Change
 from services.monitor.liveness import SETTLE_NS, Heartbeat
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
 from services.monitor.rules.findings import CameraState
-from services.monitor.rules.model import PLACEHOLDERS, RobotAction
+from services.monitor.rules.model import PLACEHOLDERS, RobotAction, WorldRule
 from services.monitor.rules.subjects import Effect, UnknownAlertError
+from services.monitor.world.conditions import WorldConditions
 
 TICK_S: Final = 0.1
 SWEEP_S: Final = 0.2
 """Period of the sweep over cameras, in seconds."""
+
+WORLD_S: Final = 1.0
+"""Period, in seconds, of the evaluation of rules on the objects of sites."""
 
 OFFER_S: Final = 10.0
 """Period, in seconds, of the check for room for subjects left out because there were too many."""
@@ -45,6 +49,7 @@ class Alerting:
         *,
         settle_s: float = SETTLE_NS / NS,
         offer_s: float = OFFER_S,
+        conditions: WorldConditions | None = None,
         most_subjects: int = MAX_SUBJECTS,
     ) -> None:
         self._rules = rules
@@ -54,6 +59,7 @@ class Alerting:
         self._offer_s = offer_s
         self._offered_s = time.monotonic()
         self._most_subjects = most_subjects
+        self._conditions = conditions
         self._engine: RuleEngine | None = None
         self._robots: set[str] = set()
         self._news = inventory.follow()
@@ -148,7 +154,7 @@ class Alerting:
             group.create_task(self._apply(keep, leads))
 
     async def _apply(self, keep: Callable[[Alert], None], leads: Callable[[], bool]) -> None:
-        swept_s = 0.0
+        swept_s = world_s = 0.0
         while True:
             await asyncio.sleep(TICK_S)
             turned = self._heartbeat.advance(time.monotonic())
@@ -168,14 +174,26 @@ class Alerting:
                 swept_s = time.monotonic()
                 self._offer_again(engine)
                 await self._sweep(engine)
+            if self._conditions is not None and time.monotonic() >= world_s + WORLD_S:
+                world_s = time.monotonic()
+                await self._look_at_sites(engine, self._conditions)
             for effect in engine.due(time.time_ns()):
                 keep(effect.alert)
                 self._tell(effect, engine)
+
+    @staticmethod
+    async def _look_at_sites(engine: RuleEngine, conditions: WorldConditions) -> None:
+        rules = [rule for rule in engine.book.rules if isinstance(rule, WorldRule)]
+        now_ns = time.time_ns()
+        async for rule, robot, found in in_turns(conditions.evaluate(rules, now_ns)):
+            engine.world(rule, robot, found, time.time_ns())
 
     def _begin_anew(self) -> None:
         """Re-evaluate everything, as if nothing had been absent before."""
         self._absentees.clear()
         self._look_at_all = True
+        if self._conditions is not None:
+            self._conditions.begin()
 
     def _offer_again(self, engine: RuleEngine) -> None:
         """Re-evaluate everything if there is room again for subjects that were left out."""
@@ -230,7 +248,8 @@ class Alerting:
 
     def _tell(self, effect: Effect, engine: RuleEngine) -> None:
         alert, rule = effect.alert, effect.rule
-        self._alerts.send(alert)
+        if alert.robot:
+            self._alerts.send(alert)
         if rule is None:
             return
         webhooks = engine.book.webhooks

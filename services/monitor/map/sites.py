@@ -48,6 +48,11 @@ class Sites:
         known = self._known.get(site)
         return set() if known is None else known.status.objects.keys()
 
+    def robots(self, site: str) -> list[str]:
+        """Return the robots that drive in a site, as its world model says."""
+        known = self._known.get(site)
+        return [] if known is None else [each.robot for each in known.status.robots]
+
     def every(self) -> list[KnownSite]:
         """Return all sites by name."""
         return [self._known[name] for name in sorted(self._known)]

@@ -1,7 +1,7 @@
 """Applies rules over time: hold times, cooldowns and the states of alerts. Pure."""
 
 from collections.abc import Callable, Container, Iterable, Iterator
-from typing import Final
+from typing import Final, cast
 
 import msgspec
 
@@ -9,7 +9,16 @@ from schemas.alerts import MAX_TEXT, Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.rules.findings import CameraState, Finding, findings, found_in, offline_text
-from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, is_about, opening_ns, same_rule
+from services.monitor.rules.model import (
+    AnyRule,
+    DisagreeRule,
+    RuleBook,
+    SilentRule,
+    WorldRule,
+    is_about,
+    opening_ns,
+    same_rule,
+)
 from services.monitor.rules.subjects import (
     Effect,
     PendingSubjects,
@@ -137,6 +146,12 @@ class RuleEngine:
         for rule in rules:
             found = Finding("", None if alive is None else not alive, offline_text(robot))
             self._find(rule, (robot, "", ""), found, now_ns)
+
+    def world(self, rule: WorldRule, robot: str, found: Finding, now_ns: int) -> None:
+        """Take whether the condition of a rule on a site holds; robot: the one it is about, or empty."""
+        self._advance(now_ns)
+        if rule.applies_to(robot, ""):
+            self._find(cast("AnyRule", rule), (robot, "", found.name), found, now_ns)
 
     def has_room_again(self) -> bool:
         """Whether there is room again for subjects left out, once: then all must be offered again."""

@@ -16,6 +16,7 @@ from services.monitor.rules.model import (
     OverRule,
     SilentRule,
     UnderRule,
+    WorldRule,
 )
 
 
@@ -115,7 +116,7 @@ def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:
             yield _nearer(rule, look)
         case DisagreeRule() if look.available:
             yield from _disagreements(rule, look)
-        case OverRule() | UnderRule() | NearerRule() | DisagreeRule():
+        case OverRule() | UnderRule() | NearerRule() | DisagreeRule() | WorldRule():
             return
         case _:
             assert_never(rule)

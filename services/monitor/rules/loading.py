@@ -59,7 +59,10 @@ def load_rules(text: str) -> RuleBook:
 
 NO_RULES: Final = "to have no rules, write `rules: []`"
 
-KINDS: Final = frozenset({"appears", "disappears", "over", "under", "nearer", "silent", "disagree"})
+KINDS: Final = frozenset(
+    {"appears", "disappears", "over", "under", "nearer", "silent", "disagree"}
+    | {"zone_over", "zone_under", "enters", "leaves", "moved", "missing", "near_robot"}
+)
 """Rule kinds, which pydantic adds to the location of an error."""
 
 MAPPING: Final = "write it as a mapping, like {a: b}"

@@ -154,8 +154,96 @@ class DisagreeRule(Rule):
     of: Annotated[str, Field(alias="class", max_length=MAX_LABEL)] = ""
 
 
+class WorldRule(ClassRule):
+    """A rule about the objects of a site, each of which counts once, whoever saw it."""
+
+    site: Annotated[str, Field(pattern=f"^{NAME.pattern}$")] = "main"
+
+    @model_validator(mode="after")
+    def _is_about_no_camera(self) -> Self:
+        for field in ("cameras",) if isinstance(self, NearRobotRule) else ("cameras", "robots"):
+            if field in self.model_fields_set:
+                raise ValueError(f"a rule with `when: {self.when}` takes no `{field}`; leave it out")  # type: ignore[attr-defined]
+        if self.action is not None and not isinstance(self, NearRobotRule):
+            raise ValueError("an action needs a robot, and this rule is about none; use `webhooks`")
+        return self
+
+    def applies_to(self, robot: str, camera: str) -> bool:
+        """Whether the rule covers a robot, or the site as a whole if the name is empty; never a camera."""
+        return not camera and (not robot or (isinstance(self, NearRobotRule) and _matches(robot, self.robots)))
+
+
+class ZoneRule(WorldRule):
+    """A rule about the objects in one zone."""
+
+    zone: Text
+
+
+class ZoneOverRule(ZoneRule):
+    """More objects than `count` are in the zone."""
+
+    when: Literal["zone_over"]
+    count: NonNegativeInt
+
+
+class ZoneUnderRule(ZoneRule):
+    """Fewer objects than `count` are in the zone."""
+
+    when: Literal["zone_under"]
+    count: Annotated[int, Field(ge=1)]
+
+
+class EntersRule(ZoneRule):
+    """An object came into the zone and is still in it."""
+
+    when: Literal["enters"]
+
+
+class LeavesRule(ZoneRule):
+    """An object left the zone, or is gone from it, less than `within_s` ago, and is not back."""
+
+    when: Literal["leaves"]
+    within_s: Annotated[float, Field(gt=0, le=86_400)] = 60.0
+
+
+class MovedRule(WorldRule):
+    """An object was moved by `than_m` or more, less than `within_s` ago; of one zone if that is given."""
+
+    when: Literal["moved"]
+    zone: Annotated[str, Field(max_length=MAX_LABEL)] = ""
+    than_m: Annotated[float, Field(gt=0, le=1_000)] = 0.5
+    within_s: Annotated[float, Field(gt=0, le=86_400)] = 60.0
+
+
+class MissingRule(ZoneRule):
+    """One object, by its id, is not in the zone."""
+
+    when: Literal["missing"]
+    object: Annotated[str, Field(min_length=1, max_length=64)]
+
+
+class NearRobotRule(WorldRule):
+    """An object is nearer than `than_m` metres to a robot, as their places in the map say."""
+
+    when: Literal["near_robot"]
+    than_m: Annotated[float, Field(gt=0, le=50)]
+
+
 AnyRule = Annotated[
-    AppearsRule | DisappearsRule | OverRule | UnderRule | NearerRule | SilentRule | DisagreeRule,
+    AppearsRule
+    | DisappearsRule
+    | OverRule
+    | UnderRule
+    | NearerRule
+    | SilentRule
+    | DisagreeRule
+    | ZoneOverRule
+    | ZoneUnderRule
+    | EntersRule
+    | LeavesRule
+    | MovedRule
+    | MissingRule
+    | NearRobotRule,
     Field(discriminator="when"),
 ]
 
@@ -201,6 +289,8 @@ def is_about(rule: AnyRule, robot: str, camera: str, name: str) -> bool:
     match rule:
         case SilentRule():
             fits = bool(camera) is rule.of_cameras and not name
+        case WorldRule():
+            fits = bool(robot) is isinstance(rule, NearRobotRule) and rule.of == name
         case DisagreeRule():
             fits = bool(camera) and rule.of in ("", name)
         case _:

@@ -14,11 +14,14 @@ from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 from services.monitor.liveness import SETTLE_NS
 from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.findings import CameraState
-from services.monitor.rules.model import NearerRule, RuleBook
+from services.monitor.rules.model import NearerRule, RuleBook, WorldRule
 from services.monitor.rules.subjects import Effect
 from services.monitor.rules.timeline import Run, Step, Timeline
 
 AT_MOST: Final = "is tried with the nearest distance of each interval, so the monitor may have raised it less often"
+
+
+NOT_AT_ALL: Final = "is not tried, as the history has no objects of sites"
 
 
 @dataclass(slots=True)
@@ -74,7 +77,9 @@ class _Memory:
 
 def caveats(book: RuleBook) -> list[str]:
     """Return the limits of a replay of these rules."""
-    return [f"{rule.name}: {AT_MOST}" for rule in book.rules if isinstance(rule, NearerRule)]
+    limits = {rule.name: AT_MOST for rule in book.rules if isinstance(rule, NearerRule)}
+    limits |= {rule.name: NOT_AT_ALL for rule in book.rules if isinstance(rule, WorldRule)}
+    return [f"{rule.name}: {limits[rule.name]}" for rule in book.rules if rule.name in limits]
 
 
 def replay(book: RuleBook, past: Timeline) -> Iterator[Effect]:

@@ -1,5 +1,6 @@
 """The objects of sites and their zones, kept up to date from a world model's changes. Pure."""
 
+import math
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,6 +15,10 @@ from services.monitor.world.zones import Zone, ZoneFinder
 MAX_SITE_OBJECTS: Final = 100_000
 """Objects of a site that are followed; a world model keeps as many unless told otherwise."""
 
+MAX_TRANSITIONS: Final = 10_000
+CELL_M: Final = 5.0
+"""Side of a cell of the index by place."""
+
 MAX_BUFFERED: Final = 1_000
 """Messages that wait for the answer with all objects; of more, the oldest are dropped, and it is asked for again."""
 
@@ -27,11 +32,29 @@ class PlacedObject(msgspec.Struct, frozen=True, gc=False):
     zones: tuple[str, ...]
 
 
+class Transition(msgspec.Struct, frozen=True, gc=False):
+    """An object came, went, or changed its place. before, now: where it was and is; None where it was not there."""
+
+    object_id: str
+    name: str
+    before: PlacedObject | None
+    now: PlacedObject | None
+
+    def was_in(self, zone: str) -> bool:
+        """Whether it was in a zone."""
+        return self.before is not None and zone in self.before.zones
+
+    def is_in(self, zone: str) -> bool:
+        """Whether it is in a zone."""
+        return self.now is not None and zone in self.now.zones
+
+
 class SiteObjects:
     """The objects of one site by id, and how many of each class are in each zone.
 
     Changes are applied in order. `is_behind` while some were missed, as before the first answer: then all objects have
     to be asked for. is_full: there are more objects than are followed; the others are in no total.
+    transitions: what came, went and moved since somebody cleared them, the newest MAX_TRANSITIONS of it.
     """
 
     def __init__(self, zones: Iterable[Zone], *, most: int = MAX_SITE_OBJECTS) -> None:
@@ -39,6 +62,8 @@ class SiteObjects:
         self.objects: dict[str, PlacedObject] = {}
         self.is_full = False
         self.is_behind = True
+        self.transitions: deque[Transition] = deque(maxlen=MAX_TRANSITIONS)
+        self._cells: dict[tuple[str, int, int], set[str]] = {}
         self._finder = ZoneFinder(self.zones)
         self._most = most
         self._counts: dict[str, Counter[str]] = {zone.name: Counter() for zone in self.zones}
@@ -47,7 +72,7 @@ class SiteObjects:
         self._told_last = 0
         self._waiting: deque[WorldChanges] = deque(maxlen=MAX_BUFFERED)
 
-    def count(self, zone: str) -> Mapping[str, int]:
+    def count(self, zone: str) -> Counter[str]:
         """Return how many objects of each class are in a zone; 0 for classes of which all have left."""
         return self._counts[zone]
 
@@ -70,13 +95,15 @@ class SiteObjects:
         """Take all objects as of the change numbered `last`, then the changes that came meanwhile."""
         self._epoch, self._last, self._told_last, self.is_behind = epoch, last, last, False
         self.objects, self.is_full = {}, False
+        self._cells.clear()
         self._counts = {zone: Counter(dict.fromkeys(counts, 0)) for zone, counts in self._counts.items()}
         for each in objects:
             self._put(each)
+        self.transitions.clear()  # nobody saw these happen
         waiting = [each for each in self._waiting if each.epoch == epoch]
         self._waiting.clear()
-        for each in waiting:
-            self.take(each)
+        for message in waiting:
+            self.take(message)
 
     def _apply(self, changes: WorldChanges) -> None:
         new = self._last + 1 - changes.first
@@ -101,16 +128,45 @@ class SiteObjects:
             return
         placed = PlacedObject(of.name, x, y, self._finder.at(x, y))
         self.objects[of.id] = placed
-        self._move(before, placed)
+        self._move(of.id, before, placed)
 
     def _remove(self, object_id: str) -> None:
-        self._move(self.objects.pop(object_id, None), None)
+        self._move(object_id, self.objects.pop(object_id, None), None)
 
-    def _move(self, before: PlacedObject | None, now: PlacedObject | None) -> None:
+    def near(self, name: str, x: float, y: float, than_m: float) -> tuple[str, float] | None:
+        """Return the id of the nearest object of a class that is nearer than that, and how far it is in metres."""
+        low, high = _cell(name, x - than_m, y - than_m), _cell(name, x + than_m, y + than_m)
+        found = [
+            (math.hypot(self.objects[each].x - x, self.objects[each].y - y), each)
+            for across in range(low[1], high[1] + 1)
+            for up in range(low[2], high[2] + 1)
+            for each in self._cells.get((name, across, up), ())
+        ]
+        distance_m, nearest = min(found, default=(math.inf, ""))
+        return (nearest, distance_m) if distance_m < than_m else None
+
+    def _note(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
+        of = now or before
+        if of is not None:
+            self.transitions.append(Transition(object_id, of.name, before, now))
+
+    def _move(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
+        self._note(object_id, before, now)
+        if before is not None:
+            cell = _cell(before.name, before.x, before.y)
+            self._cells[cell].discard(object_id)
+            if not self._cells[cell]:
+                del self._cells[cell]
+        if now is not None:
+            self._cells.setdefault(_cell(now.name, now.x, now.y), set()).add(object_id)
         for zone in () if before is None else before.zones:
             self._counts[zone][before.name] -= 1  # type: ignore[union-attr]
         for zone in () if now is None else now.zones:
             self._counts[zone][now.name] += 1  # type: ignore[union-attr]
+
+
+def _cell(name: str, x: float, y: float) -> tuple[str, int, int]:
+    return name, math.floor(x / CELL_M), math.floor(y / CELL_M)
 
 
 @dataclass(frozen=True, slots=True)
