@@ -226,11 +226,13 @@ async def test_a_monitor_counts_what_is_in_each_zone_also_after_another_worker_t
 ZONES_FILE = """
 zones:
   - {name: near, site: hall-2, corners: [[3, -2], [4, -2], [4, 2], [3, 2]]}
+  - {name: behind, site: hall-2, corners: [[-9, -2], [-5, -2], [-5, 2]]}
 """
 RULES_FILE = """
 rules:
   - {name: boxes out, when: zone_under, class: box, site: hall-2, zone: near, count: 1}
   - {name: box left, when: leaves, class: box, site: hall-2, zone: near}
+  - {name: behind, when: unseen, site: hall-2, zone: behind, than_s: 60}
 """
 
 
@@ -246,18 +248,18 @@ async def test_rules_on_a_zone_raise_alerts_that_are_in_the_history_and_outlive_
         async with running(settings, central.bus, Fleet("clock")) as monitor:
             await until(lambda: any(each.objects.get("box") for each in zones_of(monitor)))
             robots.things = THINGS[1:]
-            await until(lambda: {alert.rule for alert in monitor.alerts()} == {"boxes out", "box left"})
-            assert {(alert.robot, alert.name) for alert in monitor.alerts()} == {("", "box")}
+            await until(lambda: {alert.rule for alert in monitor.alerts()} == {"boxes out", "box left", "behind"})
+            assert {(alert.robot, alert.name) for alert in monitor.alerts()} == {("", "box"), ("", "")}
             under = next(alert for alert in monitor.alerts() if alert.rule == "boxes out")
             assert under.text == "0 box in hall-2/near, under 1"
             await until(lambda: not monitor.history.status.pending)
             stored = await monitor.archive.alerts(HistoryQuery(), 10)
-            assert {alert.rule for alert in stored} == {"boxes out", "box left"}
+            assert {alert.rule for alert in stored} == {"boxes out", "box left", "behind"}
         async with running(settings, central.bus, Fleet("clock")) as monitor:
             await until(lambda: under.id in {alert.id for alert in monitor.alerts()})
             await until(lambda: any(each.current for each in zones_of(monitor)))
             robots.things = THINGS
-            await until(lambda: not monitor.alerts())
+            await until(lambda: {alert.rule for alert in monitor.alerts()} == {"behind"})
 
 
 def zones_of(monitor: Monitor) -> list[ZoneCount]:

@@ -61,7 +61,7 @@ NO_RULES: Final = "to have no rules, write `rules: []`"
 
 KINDS: Final = frozenset(
     {"appears", "disappears", "over", "under", "nearer", "silent", "disagree"}
-    | {"zone_over", "zone_under", "enters", "leaves", "moved", "missing", "near_robot"}
+    | {"zone_over", "zone_under", "enters", "leaves", "moved", "missing", "near_robot", "unseen"}
 )
 """Rule kinds, which pydantic adds to the location of an error."""
 

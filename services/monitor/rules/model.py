@@ -229,6 +229,14 @@ class NearRobotRule(WorldRule):
     than_m: Annotated[float, Field(gt=0, le=50)]
 
 
+class UnseenRule(ZoneRule):
+    """Less than half of the zone's floor was looked at during the last `than_s`. It is about no class."""
+
+    when: Literal["unseen"]
+    of: Annotated[Literal[""], Field(alias="class")] = ""
+    than_s: Annotated[float, Field(ge=30, le=60_000)]
+
+
 AnyRule = Annotated[
     AppearsRule
     | DisappearsRule
@@ -243,7 +251,8 @@ AnyRule = Annotated[
     | LeavesRule
     | MovedRule
     | MissingRule
-    | NearRobotRule,
+    | NearRobotRule
+    | UnseenRule,
     Field(discriminator="when"),
 ]
 

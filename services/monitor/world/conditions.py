@@ -15,6 +15,7 @@ from services.monitor.rules.model import (
     MissingRule,
     MovedRule,
     NearRobotRule,
+    UnseenRule,
     WorldRule,
     ZoneOverRule,
     ZoneRule,
@@ -25,6 +26,10 @@ from services.monitor.world.site_objects import SiteObjects, Transition, World
 NS: Final = 1_000_000_000
 MAX_IDS: Final = 10_000
 """Objects that one rule remembers; of more, those that entered, left or moved first are forgotten."""
+
+FLOOR_FRESH_NS: Final = 30 * NS
+LEAST_SHARE: Final = 0.5
+"""Share of a zone's floor of which looks count as one at the zone."""
 
 MOST_NAMED: Final = 3
 
@@ -66,6 +71,7 @@ class WorldConditions:
         for rule in current.values():
             by_site[rule.site].append(rule)
         for name, site in self._world.sites.items():
+            site.floor_wanted = frozenset(rule.zone for rule in by_site[name] if isinstance(rule, UnseenRule))
             transitions = list(site.transitions)
             site.transitions.clear()
             for rule in by_site[name]:
@@ -111,6 +117,8 @@ class WorldConditions:
             yield from self._near_robots(rule, objects, now_ns)
         elif objects is None or not _has_zone(rule, objects):
             yield rule, "", Finding(rule.of, holds=None)
+        elif isinstance(rule, UnseenRule):
+            yield rule, "", _unseen(rule, objects, now_ns)
         else:
             text = self._text(rule, objects, now_ns)
             unsure = (
@@ -162,6 +170,15 @@ class WorldConditions:
         for robot in sorted(lost):
             yield rule, robot, Finding(rule.of, holds=None)
         self._near[rule.name] = near | lost
+
+
+def _unseen(rule: UnseenRule, objects: SiteObjects, now_ns: int) -> Finding:
+    floor = objects.floor.get(rule.zone)
+    if floor is None or not is_recent(floor.at_ns, now_ns, FLOOR_FRESH_NS):
+        return Finding("", holds=None)
+    share = floor.share_seen(rule.than_s, now_ns)
+    text = f"{share:.0%} of {_place(rule)} was looked at during the last {rule.than_s:g} s"
+    return Finding("", holds=share < LEAST_SHARE, text=text)
 
 
 def _state_text(rule: WorldRule, objects: SiteObjects) -> str:

@@ -9,9 +9,10 @@ from typing import Final
 from bus import QUEUE, Bus, RequestError, Sample
 from schemas import codec, worker_keys
 from schemas.errors import SchemaError
-from schemas.world import WorldAnswer, WorldChanges, WorldObject, WorldRequest
+from schemas.world import FloorLooks, WorldAnswer, WorldChanges, WorldObject, WorldRequest
 from services.monitor.event_loop import AT_ONCE
 from services.monitor.map.sites import Sites
+from services.monitor.world.floor import floor_of
 from services.monitor.world.site_objects import SiteObjects, World
 
 log = logging.getLogger(__name__)
@@ -21,6 +22,7 @@ KEPT: Final = 100
 """Messages that a world model keeps for late subscribers."""
 
 ASK_EVERY_S: Final = 1.0
+FLOOR_EVERY_S: Final = 10.0
 TIMEOUT_S: Final = 10.0
 
 
@@ -33,6 +35,7 @@ async def follow_world(bus: Bus, world: World, sites: Sites) -> None:
         for name, objects in world.sites.items():
             group.create_task(_receive(bus, name, objects))
             group.create_task(_catch_up(bus, name, objects, sites))
+            group.create_task(_look_at_floor(bus, name, objects, sites))
 
 
 async def _receive(bus: Bus, site: str, objects: SiteObjects) -> None:
@@ -66,6 +69,20 @@ async def _catch_up(bus: Bus, site: str, objects: SiteObjects, sites: Sites) -> 
                     log.warning("site %s: its objects are asked for again: %s", site, error)
                 failed = str(error)
         await asyncio.sleep(ASK_EVERY_S)
+
+
+async def _look_at_floor(bus: Bus, site: str, objects: SiteObjects, sites: Sites) -> None:
+    """Ask when the floor was looked at, while a rule needs it."""
+    while True:
+        if objects.floor_wanted and sites.is_current(site, time.time_ns()):
+            try:
+                reply = await bus.request(worker_keys.world_floor(site), timeout_s=TIMEOUT_S)
+                looks = codec.decode(FloorLooks, reply.payload, reply.encoding)
+                zones = [zone for zone in objects.zones if zone.name in objects.floor_wanted]
+                objects.floor = await asyncio.to_thread(floor_of, zones, looks, time.time_ns())
+            except (RequestError, SchemaError) as error:
+                log.warning("site %s: its floor is asked for again: %s", site, error)
+        await asyncio.sleep(FLOOR_EVERY_S if objects.floor else ASK_EVERY_S)
 
 
 async def _ask_for_all(bus: Bus, site: str, objects: SiteObjects, sites: Sites) -> None:

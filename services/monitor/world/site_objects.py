@@ -10,6 +10,7 @@ import msgspec
 
 from schemas.world import ChangeKind, SiteStatus, WorldChange, WorldChanges, WorldObject
 from services.monitor.map.sites import Sites
+from services.monitor.world.floor import ZoneFloor
 from services.monitor.world.zones import Zone, ZoneFinder
 
 MAX_SITE_OBJECTS: Final = 100_000
@@ -54,6 +55,7 @@ class SiteObjects:
 
     Changes are applied in order. `is_behind` while some were missed, as before the first answer: then all objects have
     to be asked for. is_full: there are more objects than are followed; the others are in no total.
+    floor: when that of zones was looked at, of those in `floor_wanted`, by name.
     transitions: what came, went and moved since somebody cleared them, the newest MAX_TRANSITIONS of it.
     """
 
@@ -63,6 +65,8 @@ class SiteObjects:
         self.is_full = False
         self.is_behind = True
         self.transitions: deque[Transition] = deque(maxlen=MAX_TRANSITIONS)
+        self.floor_wanted: frozenset[str] = frozenset()
+        self.floor: dict[str, ZoneFloor] = {}
         self._cells: dict[tuple[str, int, int], set[str]] = {}
         self._finder = ZoneFinder(self.zones)
         self._most = most

@@ -1,3 +1,4 @@
+import struct
 from collections.abc import Callable
 from itertools import count
 from typing import Any
@@ -5,13 +6,15 @@ from typing import Any
 import msgspec
 import pytest
 
-from schemas.world import ChangeKind, RobotOffset, WorldObject
+from schemas.world import ChangeKind, FloorLooks, RobotOffset, WorldObject
 from services.monitor.map.pose import Pose
 from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.model import RuleBook, WorldRule
 from services.monitor.world.conditions import MAX_IDS, WorldConditions, remarks_on_zones
+from services.monitor.world.floor import floor_of
 from services.monitor.world.site_objects import MAX_TRANSITIONS, World
+from services.monitor.world.zones import Zone
 from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.rules.ruling import book
 from tests.services.monitor.world.test_site_objects import DOCK, RACK, change, changes, thing
@@ -190,6 +193,48 @@ def test_a_zone_that_is_not_there_says_nothing_and_is_remarked_on() -> None:
         "rule 'rule 0': site hall has no zone 'dok'",
         "rule 'rule 1': site yard is not followed; add a zone of it to --zones",
     ]
+
+
+def test_a_zone_that_nobody_looked_at_for_long_and_one_of_which_nothing_is_known() -> None:
+    hall = Hall({"when": "unseen", "site": "hall", "zone": "dock", "than_s": 60})
+    assert hall.at(0) == []
+    assert hall.objects.floor_wanted == {"dock"}
+    hall.objects.floor = floor_of([DOCK], looks([[10] * 4] * 4), 1_000 * S)
+    assert hall.at(1) == []
+    hall.objects.floor = floor_of([DOCK], looks([[10] * 4, [70] * 4, [65_535] * 4, [55] * 4]), 1_010 * S)
+    assert hall.at(10) == []
+    assert hall.at(16) == ["raised 25% of hall/dock was looked at during the last 60 s"]
+    assert hall.at(100) == []  # the floor was not told for long
+    hall.objects.floor = floor_of([DOCK], looks([[10] * 4] * 4), 1_101 * S)
+    assert hall.at(101) == ["resolved 25% of hall/dock was looked at during the last 60 s"]
+
+
+def test_of_a_zone_s_floor_only_what_is_in_the_grid_was_ever_looked_at() -> None:
+    grid = looks([[5, 5], [5, 5]])
+    huge = Zone(name="huge", corners=((0, 0), (90_000, 0), (90_000, 90_000), (0, 90_000)))
+    tiny = Zone(name="tiny", corners=((0.1, 0.1), (0.2, 0.1), (0.2, 0.2)))
+    away = Zone(name="away", corners=((-9, -9), (-8, -9), (-8, -8)))
+    wedge = Zone(name="wedge", corners=((0, 0), (2, 0), (0, 2)))
+    floor = floor_of([huge, tiny, away, wedge, DOCK], grid, 0)
+    shares = {name: each.share_seen(30, 0) for name, each in floor.items()}
+    assert shares == {
+        "huge": pytest.approx(0, abs=1e-6),
+        "tiny": 1,
+        "away": 0,
+        "wedge": pytest.approx(0.5),
+        "dock": 0.25,
+    }
+    assert {each.share_seen(30, 26 * S) for each in floor.values()} == {0}
+    empty = floor_of([tiny], looks([]), 0)
+    assert empty["tiny"].share_seen(30, 0) == 0
+
+
+def looks(ages: list[list[int]]) -> FloorLooks:
+    """Return a grid of square metres from the map's origin on, rows from the lowest y."""
+    cells = [age for row in ages for age in row]
+    columns = len(ages[0]) if ages else 0
+    data = memoryview(struct.pack(f"<{len(cells)}H", *cells))
+    return FloorLooks(site="hall", now_ns=0, origin=(0, 0), cell_m=1, columns=columns, rows=len(ages), ages=data)
 
 
 def test_what_is_remembered_is_limited() -> None:

@@ -11,12 +11,13 @@ import pytest
 from bus import Bus, Publisher, QoS, RefusedError, Reply, Request
 from bus.fake import FakeNetwork
 from schemas import codec, worker_keys
-from schemas.world import ChangeKind, WorldAnswer, WorldChanges, WorldObject, WorldRequest
+from schemas.world import ChangeKind, FloorLooks, WorldAnswer, WorldChanges, WorldObject, WorldRequest
 from services.monitor.map.sites import Sites
 from services.monitor.world.following import follow_world
 from services.monitor.world.site_objects import World
 from tests.contract.waiting import until
 from tests.services.monitor.map.test_sites import status
+from tests.services.monitor.world.test_conditions import looks
 from tests.services.monitor.world.test_site_objects import DOCK, change, changes, thing
 
 KEY = worker_keys.world_changes("hall")
@@ -123,6 +124,19 @@ async def test_messages_that_are_none_are_left_out(caplog: pytest.LogCaptureFixt
         hall.told.put(codec.encode(changes(2, change(ChangeKind.APPEARED, thing("b", 1)))))
         await until(lambda: hall.boxes == 2)
     assert sum("left out" in each.message for each in caplog.records) == 2
+
+
+async def test_the_floor_is_asked_for_while_a_rule_needs_it() -> None:
+    async def answer(_: Request) -> Reply:
+        return Reply(codec.encode(looks([[7] * 4] * 4)), codec.encoding(FloorLooks))
+
+    async with hall_of(Model()) as hall, hall.bus.serve(worker_keys.world_floor("hall"), answer):
+        objects = hall.world.sites["hall"]
+        await until(lambda: not objects.is_behind)
+        assert not objects.floor
+        objects.floor_wanted = frozenset({"dock"})
+        await until(lambda: objects.floor)
+        assert objects.floor["dock"].share_seen(30, objects.floor["dock"].at_ns) == 1
 
 
 async def test_without_zones_nothing_is_subscribed() -> None:
