@@ -226,7 +226,7 @@ class NearRobotRule(WorldRule):
     """An object is nearer than `than_m` metres to a robot, as their places in the map say."""
 
     when: Literal["near_robot"]
-    than_m: Annotated[float, Field(gt=0, le=50)]
+    than_m: Annotated[float, Field(gt=0, le=20)]
 
 
 class UnseenRule(ZoneRule):

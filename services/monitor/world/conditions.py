@@ -72,17 +72,20 @@ class WorldConditions:
             by_site[rule.site].append(rule)
         for name, site in self._world.sites.items():
             site.floor_wanted = frozenset(rule.zone for rule in by_site[name] if isinstance(rule, UnseenRule))
-            transitions = list(site.transitions)
+            of_class: defaultdict[str, list[Transition]] = defaultdict(list)
+            for each in site.transitions:
+                of_class[each.name].append(each)
             site.transitions.clear()
             for rule in by_site[name]:
-                self._note(rule, [each for each in transitions if each.name == rule.of], now_ns)
+                if isinstance(rule, EntersRule | LeavesRule | MovedRule):
+                    self._note(rule, of_class[rule.of], now_ns)
         for name, some in by_site.items():
             objects = self._world.sites.get(name)
             known = objects is not None and not objects.is_behind and self._sites.is_current(name, now_ns)
             for rule in some:
                 yield from self._findings(rule, objects if known else None, now_ns)
 
-    def _note(self, rule: WorldRule, transitions: Iterable[Transition], now_ns: int) -> None:
+    def _note(self, rule: EntersRule | LeavesRule | MovedRule, transitions: Iterable[Transition], now_ns: int) -> None:
         """Remember the objects of which a rule says that they entered, left or moved."""
         ids = self._ids.setdefault(rule.name, {})
         for each in transitions:

@@ -17,8 +17,10 @@ MAX_SITE_OBJECTS: Final = 100_000
 """Objects of a site that are followed; a world model keeps as many unless told otherwise."""
 
 MAX_TRANSITIONS: Final = 10_000
-CELL_M: Final = 5.0
+CELL_M: Final = 2.0
 """Side of a cell of the index by place."""
+
+NOTHING: Final[Mapping[str, tuple[float, float]]] = {}
 
 MAX_BUFFERED: Final = 1_000
 """Messages that wait for the answer with all objects; of more, the oldest are dropped, and it is asked for again."""
@@ -67,7 +69,7 @@ class SiteObjects:
         self.transitions: deque[Transition] = deque(maxlen=MAX_TRANSITIONS)
         self.floor_wanted: frozenset[str] = frozenset()
         self.floor: dict[str, ZoneFloor] = {}
-        self._cells: dict[tuple[str, int, int], set[str]] = {}
+        self._cells: dict[tuple[str, int, int], dict[str, tuple[float, float]]] = {}
         self._finder = ZoneFinder(self.zones)
         self._most = most
         self._counts: dict[str, Counter[str]] = {zone.name: Counter() for zone in self.zones}
@@ -141,12 +143,13 @@ class SiteObjects:
         """Return the id of the nearest object of a class that is nearer than that, and how far it is in metres."""
         low, high = _cell(name, x - than_m, y - than_m), _cell(name, x + than_m, y + than_m)
         found = [
-            (math.hypot(self.objects[each].x - x, self.objects[each].y - y), each)
+            ((at[0] - x) ** 2 + (at[1] - y) ** 2, each)
             for across in range(low[1], high[1] + 1)
             for up in range(low[2], high[2] + 1)
-            for each in self._cells.get((name, across, up), ())
+            for each, at in self._cells.get((name, across, up), NOTHING).items()
         ]
-        distance_m, nearest = min(found, default=(math.inf, ""))
+        square, nearest = min(found, default=(math.inf, ""))
+        distance_m = math.sqrt(square)
         return (nearest, distance_m) if distance_m < than_m else None
 
     def _note(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
@@ -158,11 +161,11 @@ class SiteObjects:
         self._note(object_id, before, now)
         if before is not None:
             cell = _cell(before.name, before.x, before.y)
-            self._cells[cell].discard(object_id)
+            self._cells[cell].pop(object_id, None)
             if not self._cells[cell]:
                 del self._cells[cell]
         if now is not None:
-            self._cells.setdefault(_cell(now.name, now.x, now.y), set()).add(object_id)
+            self._cells.setdefault(_cell(now.name, now.x, now.y), {})[object_id] = now.x, now.y
         for zone in () if before is None else before.zones:
             self._counts[zone][before.name] -= 1  # type: ignore[union-attr]
         for zone in () if now is None else now.zones:

@@ -258,7 +258,7 @@ def test_what_is_remembered_is_limited() -> None:
         (rule("near_robot", than_m=1, cameras=["front"]), "takes no `cameras`"),
         (rule("enters", action={"name": "stop"}), "an action needs a robot"),
         ({"when": "enters", "class": "box"}, "zone"),
-        (rule("near_robot", than_m=51), "50"),
+        (rule("near_robot", than_m=21), "20"),
     ],
 )
 def test_a_rule_that_makes_no_sense_is_refused(given: dict[str, Any], says: str) -> None:
