@@ -14,12 +14,14 @@ from bus.session.link_use import LinkUse
 from services.monitor.alerting.webhooks import Outcome
 from services.monitor.liveness import STALLED_S
 from services.monitor.web.metrics import MAX_LABELLED, metrics_of
+from services.monitor.world.site_objects import World
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import until
 from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.asking import Web, web_in
 from tests.services.monitor.web.serving import monitor_on
+from tests.services.monitor.world.test_site_objects import DOCK, thing
 
 
 async def test_links_are_counted_against_how_many_there_can_be() -> None:
@@ -105,6 +107,8 @@ async def test_the_page_of_the_monitor_names_every_metric(web: Web) -> None:
     fill(web.monitor.fleet)
     web.monitor.fleet.left_out["malformed messages"] += 1
     web.monitor.fleet.sites.take(site_status("hall", box=1), time.time_ns())
+    web.monitor.fleet.world = World([DOCK])
+    web.monitor.fleet.world.sites["hall"].replace("e", 0, [thing("a", 1)])
     web.monitor.alerting._webhooks.counts["ops", Outcome.GIVEN_UP] += 1
     async with await web.program() as program:
         text = (await program.get("/metrics")).text
