@@ -21,6 +21,7 @@ from schemas.world import (
     MAX_PROBLEMS,
     FloorLooks,
     NearbyObjects,
+    RobotOffset,
     SiteStatus,
     WorldAnswer,
     WorldChange,
@@ -34,8 +35,6 @@ from services.worldmodel.offsets import Localisation
 from services.worldmodel.population import Rules
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.state import StateError, restored, saved
-
-log = logging.getLogger(__name__)
 
 APART_NS: Final = 5_000_000_000
 """A view with a stamp that is farther from when it came is taken to be taken when it came: clocks are apart."""
@@ -212,7 +211,7 @@ class Site:
         return Reply(codec.encode(self._floor.message(self._name, time.time_ns())), codec.encoding(FloorLooks))
 
     def _status(self) -> SiteStatus:
-        model = self.model
+        model, robots = self.model, self._inventory.robots()
         return SiteStatus(
             site=self._name,
             epoch=self._epoch,
@@ -225,8 +224,8 @@ class Site:
             sightings=model.sightings,
             left_out=self._left_out(),
             lag_ns=self._lag_ns,
-            robots=self._inventory.robots(),
-            problems=self._problems(),
+            robots=robots,
+            problems=self._problems(robots),
         )
 
     def _left_out(self) -> dict[str, int]:
@@ -235,8 +234,8 @@ class Site:
             counts[reason] = counts.get(reason, 0) + count
         return counts
 
-    def _problems(self) -> list[str]:
-        doubted = [f"{each.robot}: {each.doubted}" for each in self._inventory.robots() if each.doubted]
+    def _problems(self, robots: Sequence[RobotOffset]) -> list[str]:
+        doubted = [f"{each.robot}: {each.doubted}" for each in robots if each.doubted]
         others = [f"{robot}: {count} sightings left out: {why}" for (robot, why), count in self._worst()]
         return [*doubted, *others][:MAX_PROBLEMS]
 
