@@ -179,11 +179,13 @@ class Index:
         return _pairs(found)
 
     def _block(self, cell: int) -> Rows:
-        """Return the rows in the nine cells around and in a cell."""
+        """Return the rows in the nine cells around and in a cell; only blocks with rows in them are kept."""
         block = self._blocks.get(cell)
         if block is None:
             get = self._cells.get
             rows = [row for step in _AROUND for row in get(cell + step, ())]
+            if not rows:
+                return _NONE
             block = self._blocks[cell] = np.array(rows, np.intp)
         return block
 
