@@ -12,10 +12,11 @@ from uuid import uuid4
 
 from bus import LATEST, Bus, Publisher, QoS, RefusedError, Reply, Request, Sample
 from bus.reporting import report
-from schemas import codec, keys, worker_keys
+from schemas import codec, keys
 from schemas.distances import CameraView
 from schemas.errors import SchemaError
 from schemas.keys import NEARBY, RobotStreamKey, Stream
+from schemas.worker_keys import WorldStream, world_key
 from schemas.world import (
     MAX_CHANGES,
     MAX_PROBLEMS,
@@ -120,16 +121,16 @@ class Site:
 
     async def run(self, keep: Callable[[bytes], None] = lambda _: None) -> None:
         """Serve the site until cancelled. keep: called with the state now and then."""
-        changes = worker_keys.world_changes(self._name)
-        state = worker_keys.world_state(self._name)
+        changes = world_key(self._name, WorldStream.CHANGES)
+        state = world_key(self._name, WorldStream.STATE)
         async with (
             self._bus.publisher(changes, QoS.RESULT, encoding=codec.encoding(WorldChanges), kept=KEPT) as told,
             self._bus.publisher(state, QoS.RESULT) as states,
-            self._bus.serve(worker_keys.world_objects(self._name), self._answer),
-            self._bus.serve(worker_keys.world_floor(self._name), self._answer_floor),
+            self._bus.serve(world_key(self._name, WorldStream.OBJECTS), self._answer),
+            self._bus.serve(world_key(self._name, WorldStream.FLOOR), self._answer_floor),
             TaskGroup() as group,
         ):
-            group.create_task(report(self._bus, worker_keys.world_status(self._name), SiteStatus, self._status))
+            group.create_task(report(self._bus, world_key(self._name, WorldStream.STATUS), SiteStatus, self._status))
             group.create_task(self._refresh(told))
             group.create_task(self._keep_state(states, keep))
             for robot in self._settings.robots_of[self._name] or ("*",):
