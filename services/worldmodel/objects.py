@@ -121,6 +121,12 @@ class Objects:
         """Return the rows of confirmed objects."""
         return np.flatnonzero(self.confirmed)
 
+    def forget_seers(self, robots: Rows, cameras: Rows) -> None:
+        """Forget which objects were seen by robots and cameras whose numbers are for others from now on."""
+        gone = np.isin(self.seers, cameras)
+        self.seers[gone], self.seers_ns[gone] = _UNKNOWN["seers"], 0
+        self.anchor_robot[np.isin(self.anchor_robot, robots)] = _UNKNOWN["anchor_robot"]
+
     def shift(self, rows: Rows, by: Floats, along: Floats) -> None:
         """Move objects by (n, 2), which is `along` the directions of outlines (n, REACHES)."""
         self.edges[rows] += along

@@ -3,9 +3,10 @@
 import asyncio
 import logging
 import time
-from asyncio import TaskGroup
+from asyncio import Task, TaskGroup
 from collections import Counter
 from collections.abc import Callable, Sequence
+from itertools import islice
 from math import radians
 from typing import Final
 from uuid import uuid4
@@ -32,6 +33,7 @@ from schemas.world import (
 from services.worldmodel.floor import Floor
 from services.worldmodel.inventory import Inventory
 from services.worldmodel.model import SiteModel
+from services.worldmodel.names import CameraName, Roster
 from services.worldmodel.offsets import Localisation
 from services.worldmodel.population import Rules
 from services.worldmodel.settings import WorldSettings
@@ -47,10 +49,11 @@ CLOCKS_APART: Final = "views whose stamps are far from when they came, taken as 
 
 
 class ViewReader:
-    """Decodes views. frame: of the site's map. left_out: counts, by reason. lag_ns: how long the last ones waited."""
+    """Decodes views. frame: of the site's map. roster: whose views there is room for. left_out: counts, by reason."""
 
-    def __init__(self, frame: str) -> None:
+    def __init__(self, frame: str, roster: Roster) -> None:
         self._frame = frame
+        self._roster = roster
         self.left_out: Counter[str] = Counter()
 
     def read(self, samples: Sequence[Sample]) -> list[tuple[CameraView, int]]:
@@ -70,6 +73,10 @@ class ViewReader:
             return None
         if view.frame_id != self._frame:
             self.left_out[OTHER_FRAME] += 1
+            return None
+        full = self._roster.admit(view.header.robot, view.header.camera, sample.received_ns)
+        if full:
+            self.left_out[full] += 1
             return None
         stamp_ns = view.header.stamp_ns
         if abs(sample.received_ns - stamp_ns) > APART_NS:
@@ -111,8 +118,9 @@ class Site:
         self._inventory = Inventory(name, prefix, self.model)
         self._epoch = uuid4().hex[:12]
         self._floor = Floor()
-        self._reader = ViewReader(settings.frame)
-        self._robots: set[str] = set()
+        self._roster = Roster((camera for camera, _ in self.model.cameras.items()), time.time_ns())
+        self._reader = ViewReader(settings.frame, self._roster)
+        self._nearby: dict[str, Task[None]] = {}
         self._lag_ns = 0
 
     def state(self) -> bytes:
@@ -141,14 +149,22 @@ class Site:
             async for batch in samples.batches(AT_ONCE):
                 self._lag_ns = max(0, time.time_ns() - batch[0].received_ns)
                 found = self._reader.read(batch)
+                self._forget(*self._roster.take_left())
                 events = self.model.take_all(found)
                 self._tell(told, [self._inventory.change(event) for event in events])
                 for view, at_ns in found:
                     self._floor.take(view, at_ns)
-                for robot in {view.header.robot for view, _ in found} - self._robots:
-                    self._robots.add(robot)
-                    group.create_task(self._tell_nearby(robot))
+                for robot in {view.header.robot for view, _ in found} - self._nearby.keys():
+                    self._nearby[robot] = group.create_task(self._tell_nearby(robot))
                 await asyncio.sleep(0)
+
+    def _forget(self, robots: Sequence[str], cameras: Sequence[CameraName]) -> None:
+        if cameras:
+            self.model.forget(set(robots), cameras)
+            self._floor.forget(cameras)
+        for robot in robots:
+            if robot in self._nearby:
+                self._nearby.pop(robot).cancel()
 
     def _tell(self, told: Publisher, changes: list[WorldChange]) -> None:
         for start in range(0, len(changes), MAX_CHANGES):
@@ -241,7 +257,8 @@ class Site:
         return [*doubted, *others][:MAX_PROBLEMS]
 
     def _worst(self) -> list[tuple[tuple[str, str], int]]:
-        return [each for each in self.model.left_out.most_common(MAX_PROBLEMS) if each[1]]
+        named = (each for each in self.model.left_out.most_common() if each[0][0] and each[1])
+        return list(islice(named, MAX_PROBLEMS))
 
 
 def site_key(name: str) -> keys.CameraKey:
