@@ -7,7 +7,7 @@ BENCHMARKS ?=
 REPEAT ?= 1
 JOBS ?= 2
 
-.PHONY: demo test lint types tests ros postgresql chromium nginx screenshots bench fuzz clean help
+.PHONY: demo test lint types tests ros postgresql chromium nginx containers screenshots bench fuzz clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -15,7 +15,7 @@ help:  ## list the targets
 demo: .venv/.all  ## run a simulated fleet and watch it (SECONDS=30 stops by itself, ROBOTS=3)
 	@exec $(BIN)/fleetsight demo --robots $(ROBOTS) $(if $(SECONDS),--seconds $(SECONDS))
 
-test: .venv/.test ros postgresql chromium nginx lint types tests  ## install what the tests need and run every check
+test: .venv/.test ros postgresql chromium nginx containers lint types tests  ## install what the tests need and run every check
 
 lint:
 	@echo "[check] format, lint"
@@ -41,6 +41,9 @@ chromium:
 
 nginx:
 	@tests/integration/install-nginx.sh
+
+containers:
+	@tests/deploy/install-containers.sh
 
 screenshots: .venv/.test chromium  ## run the demo and take the pictures that the documentation shows of its page
 	@$(BIN)/python -m tests.integration.screenshots
