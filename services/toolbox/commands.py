@@ -204,7 +204,7 @@ COMMANDS: Final = (
     ),
     Command(
         "history",
-        "export a monitor's history to CSV or Parquet; maintain its database",
+        "export a monitor's history to CSV or Parquet; back up, restore, maintain its database",
         "services.monitor.history.settings:ExportSettings",
         "services.monitor.history.export:run",
         refusals=("services.monitor.history.state:HistoryError",),
@@ -214,6 +214,8 @@ COMMANDS: Final = (
         examples=(
             "fleetsight history export --to seen.csv --since 2026-11-20T06:00 --robot r1",
             "fleetsight history export --to alerts.parquet --what alerts",
+            "fleetsight history backup --to /var/backups/fleetsight.db --history sqlite:////var/lib/fleetsight/history.db",
+            "fleetsight history restore --from /var/backups/fleetsight.db --history sqlite:////var/lib/fleetsight/history.db",
             "fleetsight history trust-clock",
             "fleetsight history compact --history sqlite:////var/lib/fleetsight/history.db",
         ),

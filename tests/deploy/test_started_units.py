@@ -12,6 +12,8 @@ from tests.deploy.units import DEPLOY
 
 SERVICES = ("gateway", "monitor", "worldmodel", "space@distance", "space@cloud")
 SETTINGS = ("gateway", "monitor", "worldmodel", "space")
+pytestmark = pytest.mark.timeout(300)
+
 WATCHDOG_S = 3
 CENTRAL = "tcp/127.0.0.1:7457"
 """Where the monitor of this one machine listens: a robot's gateway has 7447."""
