@@ -71,6 +71,9 @@ class BusSettings(BaseModel):
     )
     tls_certificate: File | None = Field(default=None, description="this process's certificate for tls/ links")
     tls_key: File | None = Field(default=None, description="the private key of that certificate")
+    access: File | None = Field(
+        default=None, description="what each certificate may do at this router: rules of `fleetsight access`"
+    )
 
     @field_validator("connect")
     @classmethod
@@ -99,6 +102,14 @@ class BusSettings(BaseModel):
             raise ValueError(f"{missing[0]}: tls/ and quic/ endpoints need {', '.join(files)}")
         if missing and len(missing) < len(files):
             raise ValueError(f"{missing[0]}: {', '.join(files)} go together")
+        return self
+
+    @model_validator(mode="after")
+    def _who_listens_applies_rules(self) -> Self:
+        if self.access is not None and self.tls_ca is None:
+            raise ValueError("access: the rules are by certificate, so it needs tls_ca, tls_certificate, tls_key")
+        if self.access is not None and self.mode == "client":
+            raise ValueError("access: a client applies no rules; give them to the router")
         return self
 
     @model_validator(mode="after")

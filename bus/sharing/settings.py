@@ -3,23 +3,34 @@
 import os
 import secrets
 import socket
-from typing import Annotated, ClassVar
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BaseModel, Field
 
-from schemas.keys import check_name
+from schemas.keys import NAME, check_name
 from schemas.worker_keys import MAX_WEIGHT, MIN_WEIGHT, WorkerAlive, parse_worker_alive
 
+MAX_OWNER = 50
+"""Letters of a worker's name that say whose it is."""
 
-def default_worker_name() -> str:
-    """Return a unique worker name from host name, process id and, since containers share those, a random part."""
-    return f"{machine_name(socket.gethostname())}-{os.getpid()}-{secrets.token_hex(2)}"
+
+def default_worker_name(settings: Mapping[str, Any]) -> str:
+    """Return a unique worker name from process id and, since containers share those, a random part.
+
+    It begins with the name under which routers with access rules know the process: its certificate's file name, or its
+    robot's where it has no certificate and serves one robot; else with the host's.
+    """
+    certificate, robots = settings.get("tls_certificate"), settings.get("robots", [])
+    owner = certificate.stem if certificate else robots[0] if len(robots) == 1 else machine_name(socket.gethostname())
+    known = owner if NAME.fullmatch(owner) and len(owner) <= MAX_OWNER else machine_name(owner)
+    return f"{known}-{os.getpid()}-{secrets.token_hex(2)}"
 
 
 def machine_name(host: str) -> str:
     """Return the host name without characters that a key cannot contain."""
     machine = "".join(letter if letter.isascii() and letter.isalnum() else "-" for letter in host).strip("-")
-    return machine[:50] or "worker"
+    return machine[:MAX_OWNER] or "worker"
 
 
 def _named(what: str) -> AfterValidator:
@@ -39,17 +50,17 @@ class SharingSettings(BaseModel):
 
     heading: ClassVar = "sharing the work"
 
+    robots: list[RobotName] = Field(
+        default=[],
+        max_length=100,
+        description="serve only these robots, with priority over workers for any robot; any robot by default",
+    )
     worker: WorkerName = Field(default_factory=default_worker_name, description="this worker's name")
     weight: float = Field(
         default=1.0,
         ge=MIN_WEIGHT,
         le=MAX_WEIGHT,
         description="this worker's weight when cameras are shared: with 2 it gets twice as many as with 1",
-    )
-    robots: list[RobotName] = Field(
-        default=[],
-        max_length=100,
-        description="serve only these robots, with priority over workers for any robot; any robot by default",
     )
 
     def tokens(self, service: str) -> list[WorkerAlive]:
