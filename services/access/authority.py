@@ -87,7 +87,10 @@ class Authority:
         if name == AUTHORITY:
             return self._sign_itself(self._private_key())
         old = _read(self._certificate(name))
-        signed = self._sign(name, old.public_key(), _hosts_of(old), days)  # type: ignore[arg-type] - made here
+        key = old.public_key()
+        if not isinstance(key, ec.EllipticCurvePublicKey):
+            raise AuthorityError(f"{self._certificate(name)}: this is none that `fleetsight pki issue` makes")
+        signed = self._sign(name, key, _hosts_of(old), days)
         return _write(self._certificate(name), signed)
 
     def revoke(self, name: str) -> Issued:

@@ -114,9 +114,10 @@ def read_fleet(text: str) -> FleetFile:
     """
     try:
         content, root = parse(text)
-        return FleetFile.model_validate({} if content is None else content)
     except YamlError as error:
         raise FleetFileError(str(error)) from error
+    try:
+        return FleetFile.model_validate({} if content is None else content)
     except ValidationError as error:
         first = error.errors()[0]
         place = list(first["loc"])
