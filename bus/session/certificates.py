@@ -1,20 +1,15 @@
-"""Checks certificate files, and reads access rules, before connecting: Zenoh does not report why a TLS link fails."""
+"""Checks certificate files before connecting: Zenoh does not report why a TLS link fails."""
 
-import json
 import ssl
 import stat
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Final, NoReturn
 
 from bus.errors import BusError
 from bus.settings import BusSettings
 
 _MISMATCHES: Final = ("KEY_VALUES_MISMATCH", "KEY_TYPE_MISMATCH", "NO_CERTIFICATE_ASSIGNED")
 """OpenSSL's reason when a private key does not belong to a certificate."""
-
-RULES: Final = frozenset({"enabled", "default_permission", "rules", "subjects", "policies"})
-"""Fields of Zenoh's access control."""
 
 
 class _PassphraseError(Exception):
@@ -33,28 +28,6 @@ def check_certificates(settings: BusSettings) -> None:
     _check_certificate("tls_certificate", settings.tls_certificate)
     _check_key(settings.tls_key, settings.tls_certificate)
     _check_private(settings.tls_key)
-
-
-def read_access(settings: BusSettings) -> Mapping[str, Any] | None:
-    """Return the rules of a router's access control, None if it has none.
-
-    Raises:
-        BusError: they cannot be read.
-    """
-    if settings.access is None:
-        return None
-    said = f"access {settings.access}"
-    try:
-        rules = json.loads(settings.access.read_bytes())
-    except OSError as error:
-        raise BusError(f"{said}: {error.strerror or error}") from error
-    except ValueError as error:
-        raise BusError(
-            f"{said}: no JSON; `fleetsight access fleet.yaml --to {settings.access.name}` makes it"
-        ) from error
-    if not isinstance(rules, dict) or not rules.keys() >= RULES:
-        raise BusError(f"{said}: no rules; `fleetsight access fleet.yaml --to {settings.access.name}` makes them")
-    return rules
 
 
 def _check_certificate(setting: str, file: Path) -> None:

@@ -19,7 +19,8 @@ from bus.errors import BusError, NotServedError
 from bus.requests.pending_request import PendingRequest
 from bus.requests.queries import send_query
 from bus.requests.serving import serves
-from bus.session.certificates import check_certificates, read_access
+from bus.session.access import check_closed, read_access
+from bus.session.certificates import check_certificates
 from bus.session.config import session_config
 from bus.session.declaration import Declaration, close_session, endpoint_names, log_failure, reason_of, take_back
 from bus.session.known_keys import Numbers
@@ -164,6 +165,7 @@ class SessionThread:
                 self._jobs.get_nowait()()
 
     def _begin(self) -> None:
+        check_closed(self._settings)
         check_certificates(self._settings)
         self._open()
 

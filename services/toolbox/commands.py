@@ -179,8 +179,8 @@ COMMANDS: Final = (
         ),
         extra="monitor",
         examples=(
-            "fleetsight monitor --listen tcp/0.0.0.0:7447",
-            "fleetsight monitor --listen tcp/0.0.0.0:7447 --rules rules.yaml --floor-plan map.yaml --web-host 0.0.0.0",
+            "fleetsight monitor --listen tls/0.0.0.0:7447 --tls pki/central --access access.json",
+            "fleetsight monitor --rules rules.yaml --floor-plan map.yaml --web-host 0.0.0.0",
             "fleetsight monitor --history postgresql://fleetsight@db/fleetsight",
         ),
     ),
