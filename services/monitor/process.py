@@ -103,7 +103,8 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     await rules.load()
     plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
     health = Health(bus, hub=settings.mode != "client")
-    alerting = Alerting(rules, fleet.inventory, Heartbeat(health.heard_s, settings.lease_s))
+    heartbeat = Heartbeat(health.heard_s, settings.lease_s)
+    alerting = Alerting(rules, fleet.inventory, heartbeat, robot_ns=fleet.clocks.robot_ns)
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places, alerting)
     monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan)
 
