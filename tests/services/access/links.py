@@ -92,3 +92,28 @@ class Seen:
             while len(self.keys) < max(expected, 1) and (left := end - time.monotonic()) > 0:
                 self._changed.wait(left)
             return list(self.keys)
+
+
+ANSWER_S = 3.0
+BOUND = ("r1", "r3", "gpu1", "rack1", "world1", "central2", "ann", "wall", "stranger")
+
+
+class Fleet:
+    """A router and a session of each member."""
+
+    def __init__(self, folder: Path, central: zenoh.Session, endpoint: str, members: dict[str, zenoh.Session]) -> None:
+        self.folder = folder
+        self.central = central
+        self.endpoint = endpoint
+        self.members = members
+
+
+def matching(publisher: zenoh.Publisher) -> bool:
+    status: Any = publisher.matching_status  # its stub says bool
+    return bool(status.matching)
+
+
+def until_matching(publisher: zenoh.Publisher, *, expected: bool) -> None:
+    end = time.monotonic() + (10 if expected else QUIET_S)
+    while not matching(publisher) and time.monotonic() < end:
+        time.sleep(0.01)
