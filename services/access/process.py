@@ -8,6 +8,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final
 
+from services.access.authority import Authority, AuthorityError
 from services.access.fleet_file import FleetFile, FleetFileError, read_fleet
 from services.access.rules import access_control
 from services.access.settings import AccessSettings, PkiSettings
@@ -27,10 +28,8 @@ async def run_pki(settings: PkiSettings) -> None:
     Raises:
         AccessError: it cannot be done.
     """
-    from services.access.authority import AuthorityError  # noqa: PLC0415 - its library is an extra
-
     try:
-        lines = await asyncio.to_thread(lambda: list(_TASKS[settings.task](settings)))
+        lines = await asyncio.to_thread(lambda: list(_TASKS[settings.task](Authority(settings.folder), settings)))
     except AuthorityError as error:
         raise AccessError(str(error)) from error
     except OSError as error:
@@ -38,33 +37,24 @@ async def run_pki(settings: PkiSettings) -> None:
     sys.stdout.writelines(f"{line}\n" for line in lines)
 
 
-def _init(settings: PkiSettings) -> Iterator[str]:
-    from services.access.authority import Authority  # noqa: PLC0415
-
-    made = Authority(settings.folder).make()
-    yield f"{made}: the fleet's authority; its key stays in {settings.folder}"
+def _init(authority: Authority, _: PkiSettings) -> Iterator[str]:
+    made = authority.make()
+    yield f"{made}: the fleet's authority; its key stays in {authority.folder}"
 
 
-def _issue(settings: PkiSettings) -> Iterator[str]:
-    from services.access.authority import Authority  # noqa: PLC0415
-
-    made = Authority(settings.folder).issue(settings.name, settings.hosts, settings.days)
+def _issue(authority: Authority, settings: PkiSettings) -> Iterator[str]:
+    made = authority.issue(settings.name, settings.hosts, settings.days)
     yield f"{made}, {made.with_suffix('.key')}: for {settings.name}, good for {settings.days:g} days"
 
 
-def _list(settings: PkiSettings) -> Iterator[str]:
-    from services.access.authority import Authority  # noqa: PLC0415
-
-    for issued in Authority(settings.folder).all():
+def _list(authority: Authority, _: PkiSettings) -> Iterator[str]:
+    for issued in authority.all():
         left = (issued.until - datetime.now(UTC)) / DAY
         state = "revoked" if issued.revoked else "ended" if left <= 0 else "renew soon" if left < SOON else "good"
         yield f"{issued.name:<24} {state:<10} {max(left, 0):6.1f} days  {' '.join(issued.hosts)}".rstrip()
 
 
-def _renew(settings: PkiSettings) -> Iterator[str]:
-    from services.access.authority import Authority  # noqa: PLC0415
-
-    authority = Authority(settings.folder)
+def _renew(authority: Authority, settings: PkiSettings) -> Iterator[str]:
     until = datetime.now(UTC) + timedelta(days=settings.within_days)
     names = (
         [settings.name]
@@ -77,15 +67,13 @@ def _renew(settings: PkiSettings) -> Iterator[str]:
         yield f"none ends within {settings.within_days:g} days"
 
 
-def _revoke(settings: PkiSettings) -> Iterator[str]:
-    from services.access.authority import Authority  # noqa: PLC0415
-
-    issued = Authority(settings.folder).revoke(settings.name)
+def _revoke(authority: Authority, settings: PkiSettings) -> Iterator[str]:
+    issued = authority.revoke(settings.name)
     yield f"{issued.name}: revoked; its certificate is good until {issued.until:%Y-%m-%d}, so routers must deny it:"
     yield f"fleetsight access fleet.yaml --folder {settings.folder} --to access.json, and restart them"
 
 
-_TASKS: Final[Mapping[str, Callable[[PkiSettings], Iterator[str]]]] = {
+_TASKS: Final[Mapping[str, Callable[[Authority, PkiSettings], Iterator[str]]]] = {
     "init": _init,
     "issue": _issue,
     "list": _list,
@@ -120,8 +108,6 @@ def _rules(settings: AccessSettings) -> str:
 
 
 def _without_revoked(fleet: FleetFile, folder: Path) -> FleetFile:
-    from services.access.authority import Authority, AuthorityError  # noqa: PLC0415
-
     try:
         revoked = {issued.name for issued in Authority(folder).all() if issued.revoked}
     except AuthorityError as error:
