@@ -7,7 +7,7 @@ BENCHMARKS ?=
 REPEAT ?= 1
 JOBS ?= 2
 
-.PHONY: demo test lint types tests ros postgresql chromium nginx screenshots bench fuzz clean help
+.PHONY: demo test lint types tests ros postgresql chromium nginx containers screenshots bench fuzz dist clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -15,7 +15,7 @@ help:  ## list the targets
 demo: .venv/.all  ## run a simulated fleet and watch it (SECONDS=30 stops by itself, ROBOTS=3)
 	@exec $(BIN)/fleetsight demo --robots $(ROBOTS) $(if $(SECONDS),--seconds $(SECONDS))
 
-test: .venv/.test ros postgresql chromium nginx lint types tests  ## install what the tests need and run every check
+test: .venv/.test ros postgresql chromium nginx containers lint types tests  ## install what the tests need and run every check
 
 lint:
 	@echo "[check] format, lint"
@@ -42,6 +42,9 @@ chromium:
 nginx:
 	@tests/integration/install-nginx.sh
 
+containers:
+	@tests/deploy/install-containers.sh
+
 screenshots: .venv/.test chromium  ## run the demo and take the pictures that the documentation shows of its page
 	@$(BIN)/python -m tests.integration.screenshots
 
@@ -50,6 +53,14 @@ bench: .venv/.bench ros  ## run every benchmark and draw what docs show (BENCHMA
 
 fuzz: .venv/.test  ## feed a million spoilt inputs to every parser (INPUTS=10000000 for more)
 	@$(BIN)/python -m tests.fuzz --inputs $(or $(INPUTS),1000000)
+
+dist: .venv/.dist  ## make what a release has: wheel, sdist, pins, units, images' files, SBOM, checksums, in dist/
+	@rm -rf dist && mkdir dist
+	@$(BIN)/python -m hatchling build -d dist 2>&1 | sed 's/^/[dist] /'
+	@cp constraints.txt CHANGELOG.md dist/
+	@tar --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct) -czf dist/deploy.tar.gz deploy
+	@$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --short-PURLs --output-reproducible -o dist/sbom.cdx.json constraints.txt
+	@cd dist && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
 
 clean:  ## remove the virtual environment and caches
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

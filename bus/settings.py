@@ -3,7 +3,7 @@
 import re
 import stat
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, field_validator, model_validator
 
@@ -66,11 +66,34 @@ class BusSettings(BaseModel):
         default=2.0, ge=0.5, le=60, description="seconds of silence after which a link counts as lost"
     )
 
+    tls: Path | None = Field(
+        default=None, description="short for the next three: pki/r1 means pki/ca.pem, pki/r1.pem and pki/r1.key"
+    )
     tls_ca: File | None = Field(
-        default=None, description="certificate of the authority (CA) that issued both ends' certificates of a tls/ link"
+        default=None,
+        description="certificate of the authority (CA) that issued both ends' certificates of a tls/ link",
     )
     tls_certificate: File | None = Field(default=None, description="this process's certificate for tls/ links")
     tls_key: File | None = Field(default=None, description="the private key of that certificate")
+    access: File | None = Field(
+        default=None, description="what each certificate may do at this router: rules of `fleetsight access`"
+    )
+    insecure: bool = Field(
+        default=False,
+        description="let anybody in who reaches an endpoint of `listen`: to read, and to send as any robot",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _names_files_by_one_setting(cls, given: Any) -> Any:
+        if not isinstance(given, dict) or not given.get("tls"):
+            return given
+        own = Path(given["tls"])
+        files = {"tls_ca": own.with_name("ca.pem")}
+        files |= {
+            name: own.with_name(own.name + end) for name, end in (("tls_certificate", ".pem"), ("tls_key", ".key"))
+        }
+        return {**files, **given}
 
     @field_validator("connect")
     @classmethod
@@ -99,6 +122,14 @@ class BusSettings(BaseModel):
             raise ValueError(f"{missing[0]}: tls/ and quic/ endpoints need {', '.join(files)}")
         if missing and len(missing) < len(files):
             raise ValueError(f"{missing[0]}: {', '.join(files)} go together")
+        return self
+
+    @model_validator(mode="after")
+    def _who_listens_applies_rules(self) -> Self:
+        if self.access is not None and self.tls_ca is None:
+            raise ValueError("access: the rules are by certificate, so it needs tls_ca, tls_certificate, tls_key")
+        if self.access is not None and self.mode == "client":
+            raise ValueError("access: a client applies no rules; give them to the router")
         return self
 
     @model_validator(mode="after")

@@ -11,6 +11,7 @@ from schemas import codec, keys, worker_keys
 from schemas.detections import Detections
 from schemas.errors import SchemaError
 from schemas.inventory import InventoryAnswer, InventoryRequest
+from schemas.worker_keys import WorldStream, world_key
 from schemas.world import WorldAnswer, WorldRequest
 
 GATHER_S: Final = 0.2
@@ -82,7 +83,7 @@ async def ask_world(bus: Bus, site: str, question: WorldRequest, timeout_s: floa
         SchemaError: the answer cannot be read.
     """
     encoding = codec.encoding(WorldRequest)
-    key = worker_keys.world_objects(site)
+    key = world_key(site, WorldStream.OBJECTS)
     reply = await bus.request(key, codec.encode(question), encoding=encoding, timeout_s=timeout_s)
     return codec.decode(WorldAnswer, reply.payload, reply.encoding)
 

@@ -21,6 +21,7 @@ LOOK_S: Final = 0.02
 @asynccontextmanager
 async def connect(
     *endpoints: str,
+    tls: str | Path | None = None,
     tls_ca: str | Path | None = None,
     tls_certificate: str | Path | None = None,
     tls_key: str | Path | None = None,
@@ -30,8 +31,9 @@ async def connect(
     """Join the fleet for as long as the context lasts; leaving it leaves no task, subscriber or thread behind.
 
     endpoints: Zenoh routers such as `tcp/central:7447`, of which the first that answers is used. Unless given,
-    FLEETSIGHT_CONNECT names them, separated by commas, or else it is the monitor on this machine. tls_ca,
-    tls_certificate, tls_key: files of certificates for `tls/` endpoints, or FLEETSIGHT_TLS_CA and so on. Every other
+    FLEETSIGHT_CONNECT names them, separated by commas, or else it is the monitor on this machine. tls: certificates for
+    `tls/` endpoints as `fleetsight pki` makes them, `pki/ann` for pki/ca.pem, pki/ann.pem and pki/ann.key; or tls_ca,
+    tls_certificate, tls_key, one by one; or FLEETSIGHT_TLS, FLEETSIGHT_TLS_CA and so on. Every other
     setting of the commands' links is read from the environment too, such as FLEETSIGHT_SCOUTING. settings: all of them
     at once, instead of arguments and environment. within_s: seconds to wait for a link.
 
@@ -46,7 +48,9 @@ async def connect(
     >>> asyncio.run(main())
     frozenset({'r1'})
     """
-    chosen = _chosen(endpoints, {"tls_ca": tls_ca, "tls_certificate": tls_certificate, "tls_key": tls_key}, settings)
+    chosen = _chosen(
+        endpoints, {"tls": tls, "tls_ca": tls_ca, "tls_certificate": tls_certificate, "tls_key": tls_key}, settings
+    )
     within_s = number("within_s", within_s)
     iterations = Iterations()
     async with AsyncExitStack() as stack:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from contextlib import AbstractAsyncContextManager
 
-import msgspec
 from pydantic import ValidationError
 
 from bus import MAX_REQUEST_BYTES, MAX_TIMEOUT_S
@@ -128,12 +127,13 @@ class Fleet(Listening):
         check_name("site", site)
         if robot != "":
             check_name("robot", robot)
-        asked = {"name": name, "region": list(region), "robot": robot, "seen_within_s": seen_within_s}
-        check_fields(WorldRequest, **asked)
+        corners = list(region)
+        check_fields(WorldRequest, name=name, region=corners, seen_within_s=seen_within_s)
+        question = WorldRequest(name=name, region=corners, robot=robot, seen_within_s=seen_within_s)
         cure = "start one with `fleetsight worldmodel`"
         what = f"the world of site {site}"
         with translated(what, absent=NoWorldModelError, cure=cure, link_problem=lambda: self.problem):
-            return await ask_world(self._bus, site, msgspec.convert(asked, WorldRequest), timeout_s)
+            return await ask_world(self._bus, site, question, timeout_s)
 
     def results(self, robot: str, camera: str, *, opinion: bool = False) -> AbstractAsyncContextManager[Results]:
         """Publish what a model of one's own found in the images of one camera, for as long as the context lasts.

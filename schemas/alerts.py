@@ -55,6 +55,7 @@ class Action(msgspec.Struct, frozen=True, kw_only=True):
 
     id: of this one time. name: what is to be done, such as pick_up. payload: what the robot is told, whole.
     rule: the rule that asks for it; empty where a person does. sent_ns: since the epoch on the sender's system clock.
+    robot_ns: the same moment on the robot's, as far as the sender has measured that clock; 0 if it has not.
     """
 
     id: Id
@@ -63,3 +64,4 @@ class Action(msgspec.Struct, frozen=True, kw_only=True):
     payload: Annotated[str, msgspec.Meta(max_length=MAX_PAYLOAD)] = ""
     rule: Label = ""
     sent_ns: Nanoseconds
+    robot_ns: Nanoseconds = 0

@@ -5,6 +5,7 @@
 
 import re
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Final
 
 from schemas.errors import SchemaError
@@ -42,50 +43,39 @@ def worker_settings(service: str, worker: str) -> str:
     return f"workers/{service}/{worker}/settings"
 
 
-def world_changes(site: str) -> str:
-    """Return the key of the WorldChanges of a site."""
+class WorldStream(StrEnum):
+    """The last chunk of a site's keys.
+
+    CHANGES: WorldChanges. STATUS: SiteStatus. OBJECTS: a world model answers a WorldRequest with a WorldAnswer. FLOOR:
+    it answers an empty request with a FloorLooks. STATE: its state, for workers that stand by; only they know its form.
+    """
+
+    CHANGES = "changes"
+    OBJECTS = "objects"
+    FLOOR = "floor"
+    STATUS = "status"
+    STATE = "state"
+
+
+EVERY_WORLD_STATUS: Final = f"world/*/{WorldStream.STATUS}"
+
+
+def world_key(site: str, stream: WorldStream) -> str:
+    """Return a key of a site."""
     check_name("site", site)
-    return f"world/{site}/changes"
+    return f"world/{site}/{stream}"
 
 
-def world_objects(site: str) -> str:
-    """Return the key under which a world model answers a WorldRequest with a WorldAnswer."""
-    check_name("site", site)
-    return f"world/{site}/objects"
-
-
-def world_floor(site: str) -> str:
-    """Return the key under which a world model answers an empty request with a FloorLooks."""
-    check_name("site", site)
-    return f"world/{site}/floor"
-
-
-def world_status(site: str) -> str:
-    """Return the key of the SiteStatus of a site."""
-    check_name("site", site)
-    return f"world/{site}/status"
-
-
-def world_state(site: str) -> str:
-    """Return the key of a world model's state, for workers that stand by; only they know its form."""
-    check_name("site", site)
-    return f"world/{site}/state"
-
-
-EVERY_WORLD_CHANGES: Final = "world/*/changes"
-EVERY_WORLD_STATUS: Final = "world/*/status"
-
-
-def parse_world(key: str) -> tuple[str, str]:
-    """Return (site, what) of a `world/{site}/{what}` key.
+def parse_world(key: str) -> tuple[str, WorldStream]:
+    """Return the site and the stream of a `world/{site}/{stream}` key.
 
     Raises:
         SchemaError: the key is not of that form.
     """
     match key.split("/"):
-        case ["world", site, ("changes" | "objects" | "floor" | "status" | "state") as what]:
+        case ["world", site, stream] if stream in set(WorldStream):
             check_name("site", site)
-            return site, what
+            return site, WorldStream(stream)
     raise SchemaError(f"not a site's key: {key[:200]!r}")
 
 

@@ -1,6 +1,7 @@
 """Checks certificate files before connecting: Zenoh does not report why a TLS link fails."""
 
 import ssl
+import stat
 from pathlib import Path
 from typing import Final, NoReturn
 
@@ -26,6 +27,7 @@ def check_certificates(settings: BusSettings) -> None:
     _check_certificate("tls_ca", settings.tls_ca)
     _check_certificate("tls_certificate", settings.tls_certificate)
     _check_key(settings.tls_key, settings.tls_certificate)
+    _check_private(settings.tls_key)
 
 
 def _check_certificate(setting: str, file: Path) -> None:
@@ -53,6 +55,12 @@ def _check_key(file: Path, certificate: Path) -> None:
         raise BusError(f"{said}, tls_certificate {certificate}: {reason}") from error
     except OSError as error:
         raise BusError(f"{said}: {error.strerror or error}") from error
+
+
+def _check_private(file: Path) -> None:
+    """A group may read a key: containers and systemd give it to a process that way."""
+    if file.stat().st_mode & (stat.S_IROTH | stat.S_IWOTH):
+        raise BusError(f"tls_key {file}: everybody on this machine may read it; run chmod o= {file}")
 
 
 def _context() -> ssl.SSLContext:

@@ -1,5 +1,6 @@
 """Translates BusSettings to Zenoh's configuration. Pure."""
 
+from collections.abc import Mapping
 from math import ceil
 from typing import Any, Final
 
@@ -38,16 +39,19 @@ MAX_MESSAGE_BYTES: Final = (128 << 20) + (64 << 10)
 """Largest message that a link receives: the largest payload that is read, and its overhead."""
 
 
-def session_config(settings: BusSettings, links: int = MAX_LINKS) -> dict[str, Any]:
+def session_config(
+    settings: BusSettings, links: int = MAX_LINKS, access: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
     """Return Zenoh's configuration as a dict for JSON.
 
-    links: how many there may be; they may come all at once, as after a restart.
+    links: how many there may be; they may come all at once, as after a restart. access: rules, as Zenoh has them.
 
     Timestamping is off: a subscriber with history drops what a router's clock puts out of order.
     """
     lease_ms = round(settings.lease_s * 1000)
     blocked_us = min(lease_ms, MAX_BLOCKED_MS) * 1_000
-    return {
+    rules = {} if access is None else {"access_control": access}
+    return rules | {
         "mode": settings.mode,
         "connect": {
             "endpoints": settings.connect,
@@ -104,4 +108,6 @@ def _tls(settings: BusSettings) -> dict[str, Any]:
         "listen_private_key": key,
         "connect_certificate": certificate,
         "connect_private_key": key,
+        # Zenoh knows no list of revoked certificates: short-lived ones are how a lost one ends.
+        "close_link_on_expiration": True,
     }

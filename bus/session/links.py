@@ -92,6 +92,14 @@ def is_unspecified(host: str) -> bool:
     return (mapped or address).is_unspecified
 
 
+def is_loopback(endpoint: str) -> bool:
+    """Whether an endpoint is reachable from this machine only."""
+    host = host_of(endpoint)
+    if host == "localhost" or endpoint.endswith("#iface=lo"):
+        return True
+    return not is_name(host) and ip_address(host).is_loopback
+
+
 def _fits(endpoint: str, other: str) -> bool:
     if port_of(endpoint) != port_of(other):
         return False

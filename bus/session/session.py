@@ -19,6 +19,7 @@ from bus.errors import BusError, NotServedError
 from bus.requests.pending_request import PendingRequest
 from bus.requests.queries import send_query
 from bus.requests.serving import serves
+from bus.session.access import check_closed, read_access
 from bus.session.certificates import check_certificates
 from bus.session.config import session_config
 from bus.session.declaration import Declaration, close_session, endpoint_names, log_failure, reason_of, take_back
@@ -164,6 +165,7 @@ class SessionThread:
                 self._jobs.get_nowait()()
 
     def _begin(self) -> None:
+        check_closed(self._settings)
         check_certificates(self._settings)
         self._open()
 
@@ -211,7 +213,8 @@ class SessionThread:
         _log.warning("waiting for a link to %s: %s", endpoint_names(endpoints), why_unreached(endpoints))
 
     def _opened(self) -> zenoh.Session:
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(self._settings, self._most_links))))
+        config = session_config(self._settings, self._most_links, read_access(self._settings))
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
     def _use(self, session: zenoh.Session) -> None:
         self._retry_at, self._refused = None, False

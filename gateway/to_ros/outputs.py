@@ -19,6 +19,7 @@ from gateway.ros1.image import Image, encode_image
 from gateway.ros1.messages import new_message, serialise
 from gateway.ros1.point_cloud import PointCloud, PointField, encode_point_cloud
 from gateway.to_ros import world
+from gateway.to_ros.actions import FreshActions
 from gateway.to_ros.stream import NewerFrames, StreamReturn, Translator, UnseenMessages
 from schemas.alerts import Action, Alert
 from schemas.compression import JPEG, RAW
@@ -256,4 +257,4 @@ def actions_return(robot: str, allowed: Mapping[str, str], resolve: Resolve) -> 
     """Return the stream of a robot's actions. allowed: the topic of each allowed action."""
     key = RobotStreamKey(robot, ACTIONS)
     topics = {action: resolve(topic) for action, topic in allowed.items()}
-    return StreamReturn(key, ACTION, UnseenMessages[Action](key, lambda asked: asked.id), topics)
+    return StreamReturn(key, ACTION, FreshActions(key), topics)

@@ -38,6 +38,10 @@ R_contra = TypeVar("R_contra", contravariant=True)
 A_contra = TypeVar("A_contra", bound=Addressed, contravariant=True)
 
 
+class NotNowError(Exception):
+    """A result that is refused because of when it was sent. The text is the reason that it is counted under."""
+
+
 class Novelty(Protocol[R_contra]):
     """Memory of the results that a stream has returned."""
 
@@ -46,6 +50,7 @@ class Novelty(Protocol[R_contra]):
 
         Raises:
             SchemaError: it speaks of another robot or camera than its key.
+            NotNowError: it is not of now.
         """
 
     def remember(self, result: R_contra) -> None:
@@ -167,6 +172,10 @@ class StreamReturn(Generic[R]):
             new = self._novelty.is_new(result)
         except SchemaError as error:
             self.leave_out(error)
+            return None
+        except NotNowError as error:
+            self._dropped[str(error)] += 1
+            log.warning("%s: refused: %s", self.key, error)
             return None
         if not new:
             self._dropped[DOUBLED] += 1

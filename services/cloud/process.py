@@ -19,7 +19,7 @@ from services.cloud.camera import CloudCamera
 from services.cloud.settings import CloudSettings
 from services.geometry.memory_budget import MIB, MemoryBudget
 from services.worker.thread import worker_thread
-from services.worker.worker import Worker, publish_while_wanted
+from services.worker.worker import ResultStream, Worker, publish_while_wanted
 
 
 class Sensors:
@@ -94,9 +94,8 @@ class CloudWorker:
 
             await self._follow_points(key, lambda points: camera.run(points, publish))
 
-        await publish_while_wanted(
-            self._bus, key.stream(Stream.OBJECTS), schema=ObjectClouds, qos=QoS.IMAGE, work=work, took_over=took_over
-        )
+        clouds = ResultStream(key.stream(Stream.OBJECTS), ObjectClouds, QoS.IMAGE)
+        await publish_while_wanted(self._bus, [clouds], work, took_over)
 
     def _camera(self, key: CameraKey, account: Tally) -> CloudCamera:
         return CloudCamera(

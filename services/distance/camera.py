@@ -3,10 +3,12 @@
 import asyncio
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 from bus import LATEST, Bus, Publisher, Sample
@@ -14,7 +16,7 @@ from bus.clocks import clock_id
 from schemas import codec
 from schemas.consumer_keys import Wanted
 from schemas.detections import Detections
-from schemas.distances import CameraView, Distances, ObjectDistance
+from schemas.distances import Distances, ObjectDistance
 from schemas.errors import SchemaError
 from schemas.keys import TF, RobotStreamKey, Stream, StreamKey
 from schemas.status import UNWANTED
@@ -36,6 +38,7 @@ BEFORE_NS: Final = 100_000_000
 
 WAITED: Final = "join"
 MEASURED: Final = "distance"
+VIEW: Final = "view"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,26 +127,48 @@ async def _measure(
     camera: DistanceCamera, seen: Detections, received_ns: int, publisher: Publisher, news: asyncio.Event
 ) -> None:
     moment = await _moment(camera.sensed, seen, news)
-    begun_ns = time.time_ns()
-    loop = asyncio.get_running_loop()
-    viewing = camera.viewing if camera.viewing is not None and camera.viewing.is_due(loop.time()) else None
-    if viewing is not None:
-        place = _place(camera.sensed, seen, moment, viewing.frame_id)
-        view = await loop.run_in_executor(camera.executor, _viewed, camera, viewing.maker, seen, moment, place)
-        viewing.publisher.put(codec.encode(view))
-    if publisher.wanted:
-        objects, took_ns = await loop.run_in_executor(camera.executor, _timed, camera, seen, moment)
-        spans = {**seen.spans, WAITED: max(0, begun_ns - received_ns), MEASURED: took_ns}
-        distances = Distances(header=seen.header, objects=objects, model=seen.model, worker=camera.worker, spans=spans)
-        if publisher.wanted:
-            publisher.put(codec.encode(distances))
-    if viewing is None and not publisher.wanted:
+    depth = ImageDepth(camera.views, seen, moment)
+    measured = publisher.wanted and await _publish_distances(camera, seen, received_ns, publisher, depth)
+    try:
+        viewed = await _publish_view(camera, seen, moment, depth)
+    except Exception as error:
+        if not measured:
+            raise
+        viewed = False
+        camera.account.add(VIEW, Counter({FAILED: 1}))
+        log.warning("%s: the view of frame %d failed: %r", camera.account.camera, seen.header.seq, error)
+    if not measured and not viewed:
         camera.account.dropped[UNWANTED] += 1
-        return
-    if isinstance(moment.instant, str):
+    elif isinstance(moment.instant, str):
         camera.account.dropped[UNJOINED] += 1
     else:
         camera.account.done += 1
+
+
+async def _publish_distances(
+    camera: DistanceCamera, seen: Detections, received_ns: int, publisher: Publisher, depth: "ImageDepth"
+) -> bool:
+    """Measure and publish the distances of an image; return whether they were still wanted then."""
+    waited_ns = max(0, time.time_ns() - received_ns)
+    loop = asyncio.get_running_loop()
+    objects, took_ns = await loop.run_in_executor(camera.executor, _timed, seen, depth, camera.criteria)
+    if not publisher.wanted:
+        return False
+    spans = {**seen.spans, WAITED: waited_ns, MEASURED: took_ns}
+    distances = Distances(header=seen.header, objects=objects, model=seen.model, worker=camera.worker, spans=spans)
+    publisher.put(codec.encode(distances))
+    return True
+
+
+async def _publish_view(camera: DistanceCamera, seen: Detections, moment: ImageContext, depth: "ImageDepth") -> bool:
+    """Make and publish the view of an image if one is due; return whether it was."""
+    loop, viewing = asyncio.get_running_loop(), camera.viewing
+    if viewing is None or not viewing.is_due(loop.time()):
+        return False
+    place = _place(camera.sensed, seen, moment, viewing.frame_id)
+    view = await loop.run_in_executor(camera.executor, lambda: viewing.maker.view(seen, depth.view, place))
+    viewing.publisher.put(codec.encode(view))
+    return True
 
 
 async def _moment(sensed: SensorHistory, seen: Detections, news: asyncio.Event) -> ImageContext:
@@ -156,21 +181,38 @@ async def _moment(sensed: SensorHistory, seen: Detections, news: asyncio.Event) 
     return sensed.at(seen)
 
 
-def _timed(camera: DistanceCamera, seen: Detections, moment: ImageContext) -> tuple[list[ObjectDistance], int]:
+class ImageDepth:
+    """Depth at each pixel of an image, read and registered once, when it is first asked for."""
+
+    def __init__(self, views: Views, seen: Detections, moment: ImageContext) -> None:
+        self._views = views
+        self._frame_id = seen.header.frame_id
+        self._moment = moment
+
+    @cached_property
+    def view(self) -> DepthView | str:
+        """The depth, or why there is none."""
+        if isinstance(self._moment.instant, str):
+            return self._moment.instant
+        try:
+            depth, model = self._views.view(self._moment.instant)
+        except GeometryError as error:
+            return str(error)
+        return DepthView(depth, self._frame_id, model, self._moment.frames)
+
+
+def _timed(seen: Detections, depth: ImageDepth, criteria: Criteria) -> tuple[list[ObjectDistance], int]:
     begun_ns = time.perf_counter_ns()
-    return _objects(camera, seen, moment), time.perf_counter_ns() - begun_ns
+    return _objects(seen, depth, criteria), time.perf_counter_ns() - begun_ns
 
 
-def _objects(camera: DistanceCamera, seen: Detections, moment: ImageContext) -> list[ObjectDistance]:
-    if isinstance(moment.instant, str):
-        return unknown(seen.objects, moment.instant)
+def _objects(seen: Detections, depth: ImageDepth, criteria: Criteria) -> list[ObjectDistance]:
     if not seen.objects:
         return []  # depth need not be read, let alone registered
+    if isinstance(depth.view, str):
+        return unknown(seen.objects, depth.view)
     try:
-        depth, model = camera.views.view(moment.instant)
-        return measure_apart(
-            seen.objects, DepthView(depth, seen.header.frame_id, model, moment.frames), camera.criteria
-        )
+        return measure_apart(seen.objects, depth.view, criteria)
     except GeometryError as error:
         return unknown(seen.objects, str(error))
 
@@ -186,15 +228,3 @@ def _place(sensed: SensorHistory, seen: Detections, moment: ImageContext, frame_
     except TransformError:
         return Place(frame_id, now)
     return Place(frame_id, now, *motion(before, now, BEFORE_NS / 1e9))
-
-
-def _viewed(
-    camera: DistanceCamera, maker: ViewMaker, seen: Detections, moment: ImageContext, place: Place
-) -> CameraView:
-    if isinstance(moment.instant, str):
-        return maker.view(seen, moment.instant, place)
-    try:
-        depth, model = camera.views.view(moment.instant)
-    except GeometryError as error:
-        return maker.view(seen, str(error), place)
-    return maker.view(seen, DepthView(depth, seen.header.frame_id, model, moment.frames), place)

@@ -16,7 +16,7 @@ from services.distance.measuring import DepthView, groups, own_readings
 from services.geometry.camera import CameraModel
 from services.geometry.errors import GeometryError
 from services.geometry.masks import Window
-from services.geometry.rotation import quaternion_of
+from services.geometry.rotation import level_directions, quaternion_of
 
 Floats = NDArray[Any]
 
@@ -35,9 +35,8 @@ STEP: Final = 2
 """Every so manieth reading of an object counts for its reach."""
 
 MOST_MM: Final = 65_535
-_TURNS: Final = np.arange(REACHES) * (2 * np.pi / REACHES)
-DIRECTIONS: Final = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
-"""Unit vectors of the directions of `reach_mm`, (2, REACHES)."""
+DIRECTIONS: Final = level_directions(REACHES)
+"""Unit vectors of the directions of `reach_mm`, (REACHES, 2)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -238,9 +237,8 @@ def _shapes(points: Floats, solid: NDArray[np.bool_]) -> tuple[Floats, Floats, F
     with np.errstate(invalid="ignore", divide="ignore"):
         middles = np.einsum("nmk,nm->nk", points, solid) / counts[:, np.newaxis]
     away = points - middles[:, np.newaxis]
-    along = np.where(
-        solid[..., np.newaxis], np.concatenate([away[..., :2] @ DIRECTIONS, away[..., 2:], -away[..., 2:]], 2), -np.inf
-    )
+    along = np.concatenate([away[..., :2] @ DIRECTIONS.T, away[..., 2:], -away[..., 2:]], axis=2)
+    along = np.where(solid[..., np.newaxis], along, -np.inf)
     along.sort(axis=1)
     stray = along.shape[1] - 1 - (counts * OUTLIERS).astype(np.intp)
     reach = along[np.arange(len(along)), stray]

@@ -1,19 +1,13 @@
 """The distance process: joins the bus and works."""
 
 import logging
-from asyncio import TaskGroup
 from collections.abc import Callable
 from concurrent.futures import Executor
-from contextlib import AbstractAsyncContextManager
 from typing import Final
 
-import msgspec
-
 from bus import Bus, Publisher, QoS, open_bus
-from bus.demand import SharedDemand, while_wanted
-from bus.sharing.sharing import JOIN_S, say_unwanted
+from bus.sharing.sharing import JOIN_S
 from bus.sharing.tally import Tallies
-from schemas import codec
 from schemas.distances import CameraView, Distances
 from schemas.keys import CameraKey, Stream
 from services.distance.camera import DistanceCamera, Viewing, work
@@ -26,7 +20,7 @@ from services.geometry.memory_budget import MIB, MemoryBudget
 from services.geometry.transforms import TransformTree
 from services.worker.stamp_joiner import Joiner
 from services.worker.thread import worker_thread
-from services.worker.worker import Worker
+from services.worker.worker import ResultStream, Worker, publish_while_wanted
 
 SERVICE: Final = "distance"
 
@@ -46,20 +40,14 @@ class DistanceWorker:
         await self._worker.run()
 
     async def _serve(self, key: CameraKey, account: DetectionCounts, took_over: Callable[[], None]) -> None:
-        demand = SharedDemand()
-        distances, views = key.stream(Stream.DISTANCES), key.stream(Stream.VIEW)
-        async with (
-            self._publisher(distances, QoS.RESULT, Distances, demand) as publisher,
-            self._publisher(views, QoS.IMAGE, CameraView, demand) as viewing,
-            TaskGroup() as group,
-        ):
-            group.create_task(say_unwanted(demand, took_over))
-            await while_wanted(demand, lambda: work(self._bus, self._camera(account, viewing), publisher, took_over))
+        async def measure(distances: Publisher, views: Publisher) -> None:
+            await work(self._bus, self._camera(account, views), distances, took_over)
 
-    def _publisher(
-        self, key: str, qos: QoS, schema: type[msgspec.Struct], demand: SharedDemand
-    ) -> AbstractAsyncContextManager[Publisher]:
-        return self._bus.publisher(key, qos, encoding=codec.encoding(schema), on_demand=demand.of(key))
+        streams = (
+            ResultStream(key.stream(Stream.DISTANCES), Distances, QoS.RESULT),
+            ResultStream(key.stream(Stream.VIEW), CameraView, QoS.IMAGE),
+        )
+        await publish_while_wanted(self._bus, streams, measure, took_over)
 
     def _camera(self, account: DetectionCounts, views: Publisher) -> DistanceCamera:
         return DistanceCamera(

@@ -1,4 +1,4 @@
-"""Converts rotations between quaternions (x, y, z, w) and matrices."""
+"""Converts rotations between quaternions (x, y, z, w) and matrices; level directions."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,3 +58,9 @@ def slerp(start: Numbers, end: Numbers, share: float) -> Numbers:
         return np.asarray(between / np.linalg.norm(between))
     angle = np.arccos(cosine)
     return np.asarray((np.sin((1 - share) * angle) * start + np.sin(share * angle) * end) / np.sin(angle))
+
+
+def level_directions(count: int) -> Numbers:
+    """Return the unit vectors (count, 2) of evenly spaced level directions, counter-clockwise from x."""
+    turns = np.arange(count) * (2 * np.pi / count)
+    return np.stack([np.cos(turns), np.sin(turns)], axis=1)

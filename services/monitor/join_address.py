@@ -8,7 +8,7 @@ from contextlib import suppress
 from ipaddress import ip_address
 from typing import Final
 
-from bus.session.links import host_of, is_name, is_unspecified
+from bus.session.links import host_of, is_loopback, is_unspecified
 from bus.settings import port_of
 from services.monitor.settings import MonitorSettings
 
@@ -21,7 +21,7 @@ SIOCGIFADDR: Final = 0x8915
 ELSEWHERE: Final = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
 """Documentation addresses of RFC 5737 and 3849, outside this machine. Nothing is sent to them."""
 
-ALSO_ELSEWHERE: Final = "That is this machine alone. For others, start the monitor with --listen tcp/0.0.0.0:7447."
+ALSO_ELSEWHERE: Final = "That is this machine alone. For others, start the monitor with --listen tls/0.0.0.0:7447."
 
 
 def endpoints_to_join(settings: MonitorSettings) -> list[str]:
@@ -29,18 +29,12 @@ def endpoints_to_join(settings: MonitorSettings) -> list[str]:
     if settings.advertise is not None:
         return [settings.advertise]
     own = [_reachable(endpoint) for endpoint in settings.listen if port_of(endpoint) != "0"]
-    return sorted([*own, *settings.connect], key=is_here_alone)
+    return sorted([*own, *settings.connect], key=is_loopback)
 
 
 def endpoint_to_join(settings: MonitorSettings) -> str:
     """Return the endpoint to show to people for connecting."""
     return next(iter(endpoints_to_join(settings)), UNKNOWN)
-
-
-def is_here_alone(endpoint: str) -> bool:
-    """Whether an endpoint is reachable from this machine only."""
-    host = host_of(endpoint)
-    return host == "localhost" or (not is_name(host) and ip_address(host).is_loopback)
 
 
 def how_to_join(settings: MonitorSettings) -> str:

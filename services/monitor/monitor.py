@@ -8,6 +8,7 @@ from itertools import chain, islice
 from typing import Final
 
 from bus import Bus
+from bus.session.access import open_endpoints
 from schemas.alerts import Alert, AlertState
 from schemas.worker_keys import DETECTOR, OPINION
 from services.monitor.alerting.alerting import Alerting
@@ -36,6 +37,11 @@ REMARKS_AGE_S: Final = 10.0
 
 MAX_READ_AGE_S: Final = 2.0
 """Maximum age, in seconds, of data read from another monitor's history."""
+
+OPEN: Final = (
+    "links are open (--insecure): whoever reaches this machine's Zenoh port may read everything and send as any robot;"
+    " `fleetsight pki` and `fleetsight access` close them"
+)
 
 MAX_ALERTS: Final = 10_000
 MAX_REMARKS: Final = 20
@@ -155,12 +161,18 @@ class Monitor:
         self.history.trust_clock()
         log.info("%s confirmed the clock of this machine", by)
 
+    @property
+    def open_to_all(self) -> str:
+        """What anybody may do who reaches the router inside this monitor, or empty."""
+        return OPEN if open_endpoints(self.settings) else ""
+
     def problems(self) -> list[str]:
         """Return the monitor's own problems, in lines."""
         status = self.history.status
         not_kept = status.problem and f"history is not being kept: {status.problem}"
-        found = (not_kept, *status.warnings, self.rules.problem, self.bus.links.problem, *self.fleet.world.problems())
-        return [*(problem for problem in found if problem), *self.alerting.problems()]
+        found = (not_kept, *status.warnings, self.rules.problem, self.bus.links.problem, self.open_to_all)
+        own = [*(problem for problem in found if problem), *self.fleet.world.problems()]
+        return [*own, *self.alerting.problems()]
 
     def rule_remarks(self) -> list[str]:
         """Return remarks about classes and robots in the rules that do not exist, or did not recently."""

@@ -111,8 +111,9 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     if settings.zones is not None:
         fleet.world = World(await asyncio.to_thread(load_zones, settings.zones))
     health = Health(bus, hub=settings.mode != "client")
+    heartbeat = Heartbeat(health.heard_s, settings.lease_s)
     conditions = WorldConditions(fleet.world, fleet.sites, fleet.places.poses)
-    alerting = Alerting(rules, fleet.inventory, Heartbeat(health.heard_s, settings.lease_s), conditions=conditions)
+    alerting = Alerting(rules, fleet.inventory, heartbeat, conditions=conditions, robot_ns=fleet.clocks.robot_ns)
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places, alerting)
     monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan)
 

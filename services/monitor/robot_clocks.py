@@ -74,6 +74,11 @@ class Clocks:
             return None
         return ours_ns + offset.offset_ns
 
+    def robot_ns(self, robot: str, ours_ns: int) -> int:
+        """Return the reading of a robot's clock when ours shows `ours_ns`; 0 if its offset is unknown."""
+        clock = self._clocks.get(robot)
+        return 0 if clock is None else self.theirs_ns(robot, clock.clock_id, ours_ns) or 0
+
     def _is_due(self, robot: str, now_s: float) -> bool:
         clock = self._clocks.get(robot)
         return clock is None or now_s - clock.asked_s >= PERIOD_S

@@ -119,7 +119,7 @@ class MonitorSettings(WebSettings, AlertingSettings, InventorySettings, HistoryS
     ] = "router"
     connect: Annotated[list[Endpoint], Field(description="Zenoh endpoints to connect to")] = []
     listen: Annotated[
-        list[Endpoint], Field(description="Zenoh endpoints to listen on (tcp/0.0.0.0:7447 for other machines)")
+        list[Endpoint], Field(description="Zenoh endpoints to listen on (tls/0.0.0.0:7447 for other machines)")
     ] = ["tcp/127.0.0.1:7447"]
     advertise: Annotated[
         Endpoint | None,

@@ -1,5 +1,6 @@
 """The console command."""
 
+import faulthandler
 import os
 import signal
 import sys
@@ -16,6 +17,7 @@ def console() -> NoReturn:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _leave_at_once)
     stdio.prepare()
+    faulthandler.enable()  # a crash in a library, or a watchdog that ends the process, leaves a stack of each thread
     # What the command line needs takes a while to import.
     from services.toolbox import command_line, process  # noqa: PLC0415
 

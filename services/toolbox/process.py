@@ -11,6 +11,8 @@ from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final, NoReturn, TextIO
 
+from services.toolbox import service_manager
+
 log = logging.getLogger(__name__)
 
 EXIT_FAILED: Final = 1
@@ -34,7 +36,8 @@ def run(main: Callable[[], Awaitable[int | None]], *, finite: bool = False) -> i
 
     A process that has not ended DEADLINE_S after the first signal, or that gets a second one, is left at once. Once a
     signal has ended `main`, nobody waits for what threads are doing for it: what is to be saved it has waited for.
-    A slow reader of the output of `main` is waited for, unless a signal ended it.
+    A slow reader of the output of `main` is waited for, unless a signal ended it. systemd is told that it runs, and
+    while its event loop turns.
     """
     with asyncio.Runner() as runner:
         code = runner.run(_until_signalled(main))
@@ -67,6 +70,7 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | s
     """Return the exit code of `main`, or the signal that ended it."""
     loop = asyncio.get_running_loop()
     work = asyncio.ensure_future(main())
+    reporting = asyncio.create_task(service_manager.report())
     ended_by: signal.Signals | None = None
     signalled_s = 0.0
 
@@ -76,6 +80,7 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | s
             ended_by, signalled_s = number, loop.time()
             loop.call_later(DEADLINE_S, _give_up, f"not stopped {DEADLINE_S} s after {number.name}")
             work.cancel()
+            reporting.cancel()
         elif loop.time() - signalled_s > ECHO_S:
             _give_up(f"second {number.name}")
 
@@ -97,6 +102,7 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | s
         failed = False
         return code
     finally:
+        reporting.cancel()
         for number, handler in before.items():
             loop.remove_signal_handler(number)
             signal.signal(number, _leave_failed if failed else handler)

@@ -3,11 +3,13 @@
 import time
 from asyncio import TaskGroup
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import msgspec
 
-from bus.api import Bus, Publisher, QoS
+from bus.api import Bus, QoS
 from bus.demand import SharedDemand, while_wanted
 from bus.reporting import VERSION, report
 from bus.sharing.sharing import JOIN_S, Sharing, say_unwanted
@@ -78,23 +80,33 @@ class Worker(Generic[T]):
         return msgspec.structs.replace(status, **self._details())
 
 
+@dataclass(frozen=True, slots=True)
+class ResultStream:
+    """A stream of results under a key. schema: of its messages."""
+
+    key: str
+    schema: type[msgspec.Struct]
+    qos: QoS
+
+
 async def publish_while_wanted(
     bus: Bus,
-    key: str,
-    *,
-    schema: type[msgspec.Struct],
-    qos: QoS,
-    work: Callable[[Publisher], Coroutine[None, None, None]],
+    streams: Sequence[ResultStream],
+    work: Callable[..., Coroutine[None, None, None]],
     took_over: Callable[[], None],
 ) -> None:
-    """Offer a stream of results until cancelled; `work` runs, with its publisher, while the stream has subscribers.
+    """Offer streams of results until cancelled; `work` runs while any of them has subscribers.
 
-    took_over: called, too, when nobody wants results for a while, since then none come that could show who serves.
+    work: called with the publisher of each stream, in that order. took_over: called, too, when nobody wants results for
+    a while, since then none come that could show who serves.
     """
     demand = SharedDemand()
-    async with (
-        bus.publisher(key, qos, encoding=codec.encoding(schema), on_demand=demand.of(key)) as publisher,
-        TaskGroup() as group,
-    ):
+    async with AsyncExitStack() as stack, TaskGroup() as group:
+        publishers = [
+            await stack.enter_async_context(
+                bus.publisher(each.key, each.qos, encoding=codec.encoding(each.schema), on_demand=demand.of(each.key))
+            )
+            for each in streams
+        ]
         group.create_task(say_unwanted(demand, took_over))
-        await while_wanted(demand, lambda: work(publisher))
+        await while_wanted(demand, lambda: work(*publishers))

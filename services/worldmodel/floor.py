@@ -1,5 +1,6 @@
 """When each part of a site's floor was last looked at: a grid that grows with what robots see. Pure."""
 
+from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -45,6 +46,11 @@ class Floor:
         if len(cells) and self._reach(cells.min(axis=0), cells.max(axis=0)):
             x, y = (cells - self._low).T
             self._looked_ns[y, x] = at_ns
+
+    def forget(self, cameras: Iterable[tuple[str, str]]) -> None:
+        """Forget when cameras' views are due again."""
+        for camera in cameras:
+            self._due_ns.pop(camera, None)
 
     def _reach(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> bool:
         """Make the grid reach from one cell to another; return whether it may be so large."""

@@ -1,6 +1,7 @@
 """What others get of a site's model: its objects, changes, and what is near a robot. Pure."""
 
 from collections.abc import Iterable, Sequence
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -67,10 +68,10 @@ class Inventory:
         )
 
     def _seers(self, row: int) -> list[Seer]:
-        objects = self.model.objects
+        objects, names = self.model.objects, self.model.cameras.names
         known = zip(objects.seers_ns[row].tolist(), objects.seers[row].tolist(), strict=True)
         return [
-            Seer(robot=self.model.cameras[camera][0], camera=self.model.cameras[camera][1], last_ns=last_ns)
+            Seer(robot=names[camera][0], camera=names[camera][1], last_ns=last_ns)
             for last_ns, camera in sorted(known, reverse=True)
             if camera >= 0
         ]
@@ -83,7 +84,7 @@ class Inventory:
             object=self.object(event.row, event.number),
             before=event.before,
             into=None if event.into is None else self.id_of(event.into),
-            by=self.model.robots[event.robot],
+            by=self.model.robots.names[event.robot],
         )
 
     def refreshed(self, now_ns: int, every_ns: int) -> list[WorldChange]:
@@ -114,7 +115,7 @@ class Inventory:
             kept &= age_s >= asked.unseen_for_s
         kept &= 1 / (1 + np.exp(-objects.logit[rows])) >= asked.least_existence
         if asked.robot:
-            seers = [number for number, (robot, _) in enumerate(self.model.cameras) if robot == asked.robot]
+            seers = [number for (robot, _), number in self.model.cameras.items() if robot == asked.robot]
             kept &= np.isin(objects.seers[rows], seers).any(axis=1)
         found = sorted((self.object(row) for row in rows[kept].tolist()), key=lambda each: (each.name, each.id))
         return found[:MAX_OBJECTS], len(found) <= MAX_OBJECTS
@@ -122,9 +123,10 @@ class Inventory:
     def nearby(self, robot: str, radius_m: float, since_ns: int) -> list[WorldObject]:
         """Return the confirmed objects near a robot that were seen since then, nearest first."""
         model = self.model
-        if robot not in model.robots:
+        number = model.robots.find(robot)
+        if number is None:
             return []
-        at = model.offsets.position[model.robots.index(robot), :2]
+        at = model.offsets.position[number, :2]
         _, rows = model.index.within(at[np.newaxis] - radius_m, at[np.newaxis] + radius_m)
         rows = rows[model.objects.confirmed[rows] & (model.objects.last_ns[rows] >= since_ns)]
         away = np.hypot(*(model.objects.centre[rows] - at).T)
@@ -145,7 +147,7 @@ class Inventory:
                 views=int(offsets.views[number]),
                 last_ns=int(offsets.at_ns[number]),
             )
-            for number, name in enumerate(self.model.robots[: min(MAX_ROBOTS, len(offsets.state))])
+            for name, number in islice(self.model.robots.items(), min(MAX_ROBOTS, len(offsets.state)))
         ]
 
     def counts(self) -> dict[str, int]:

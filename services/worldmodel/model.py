@@ -1,7 +1,7 @@
 """A site's model: takes views in, knows the objects. Pure: time is an argument."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from services.worldmodel.evidence import Looks, look
 from services.worldmodel.frames import Frames
 from services.worldmodel.fusion import fuse
 from services.worldmodel.motion import drifts, move, moves
+from services.worldmodel.names import CameraName, Numbers
 from services.worldmodel.objects import Index, Objects
 from services.worldmodel.offsets import RIGHT, Offsets
 from services.worldmodel.placement import UNITS, Sightings, place
@@ -42,19 +43,21 @@ UNLOCATED: Final = "of a robot without a map frame"
 
 
 class SiteModel:
-    """One site's objects. Nothing that views say makes it raise; what is left out is counted by robot and reason."""
+    """One site's objects. Nothing that views say makes it raise; what is left out is counted by robot and reason.
+
+    Of robots that were forgotten it is counted without their names.
+    """
 
     def __init__(self, rules: Rules | None = None, classes: Classes | None = None) -> None:
         self.rules = rules or Rules()
         self.classes = classes or Classes()
         self.offsets = Offsets(self.rules.localisation)
-        self.robots: list[str] = []
-        self.cameras: list[tuple[str, str]] = []
+        self.robots = Numbers("")
+        self.cameras = Numbers(("", ""))
         self.left_out: Counter[tuple[str, str]] = Counter()
         self.views = 0
         self.sightings = 0
         self.population = Population(self.rules, self.classes, self.left_out)
-        self._numbers: dict[str | tuple[str, str], int] = {}
         self._swept_ns = 0
 
     def take(self, view: CameraView, at_ns: int) -> list[Event]:
@@ -78,9 +81,18 @@ class SiteModel:
         """Go on with objects that were known before, in a model that knows none."""
         for name in classes:
             self.classes.number(name)
-        for camera in cameras:
-            self._number(self.cameras, camera)
+        self.cameras.restore(cameras)
         self.population.restore(objects, next_number)
+
+    def forget(self, robots: Collection[str], cameras: Collection[CameraName]) -> None:
+        """Forget robots and cameras: their numbers are for others from now on. What they saw stays."""
+        robot_numbers, camera_numbers = (
+            np.array(each, np.intp) for each in (self.robots.forget(robots), self.cameras.forget(cameras))
+        )
+        self.offsets.forget(robot_numbers, camera_numbers)
+        self.objects.forget_seers(robot_numbers, camera_numbers)
+        for robot, reason in [each for each in self.left_out if each[0] in robots]:
+            self.left_out["", reason] += self.left_out.pop((robot, reason))
 
     @property
     def objects(self) -> Objects:
@@ -109,20 +121,13 @@ class SiteModel:
             rest = later
             if now:
                 some = [view for view, _ in now.values()]
-                cameras = [self._number(self.cameras, (each.header.robot, each.header.camera)) for each in some]
-                robots = [self._number(self.robots, each.header.robot) for each in some]
+                cameras = [self.cameras.number((each.header.robot, each.header.camera)) for each in some]
+                robots = [self.robots.number(each.header.robot) for each in some]
                 yield Frames.of(some, [at_ns for _, at_ns in now.values()], robots, cameras)
-
-    def _number(self, names: list, name: str | tuple[str, str]) -> int:  # type: ignore[type-arg]
-        number = self._numbers.get(name)
-        if number is None:
-            number = self._numbers[name] = len(names)
-            names.append(name)
-        return number
 
     def _round(self, frames: Frames) -> None:
         objects, offsets = self.objects, self.offsets
-        offsets.reserve(len(self.robots))
+        offsets.reserve(len(self.robots.names))
         offsets.predict(frames.robots, frames.cameras, frames.at_ns, frames.camera)
         state = offsets.state[frames.robots]
         camera, rotation = frames.moved(state)

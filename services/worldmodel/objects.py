@@ -121,6 +121,12 @@ class Objects:
         """Return the rows of confirmed objects."""
         return np.flatnonzero(self.confirmed)
 
+    def forget_seers(self, robots: Rows, cameras: Rows) -> None:
+        """Forget which objects were seen by robots and cameras whose numbers are for others from now on."""
+        gone = np.isin(self.seers, cameras)
+        self.seers[gone], self.seers_ns[gone] = _UNKNOWN["seers"], 0
+        self.anchor_robot[np.isin(self.anchor_robot, robots)] = _UNKNOWN["anchor_robot"]
+
     def shift(self, rows: Rows, by: Floats, along: Floats) -> None:
         """Move objects by (n, 2), which is `along` the directions of outlines (n, REACHES)."""
         self.edges[rows] += along
@@ -179,11 +185,13 @@ class Index:
         return _pairs(found)
 
     def _block(self, cell: int) -> Rows:
-        """Return the rows in the nine cells around and in a cell."""
+        """Return the rows in the nine cells around and in a cell; only blocks with rows in them are kept."""
         block = self._blocks.get(cell)
         if block is None:
             get = self._cells.get
             rows = [row for step in _AROUND for row in get(cell + step, ())]
+            if not rows:
+                return _NONE
             block = self._blocks[cell] = np.array(rows, np.intp)
         return block
 

@@ -141,6 +141,12 @@ class Offsets:
         self.doubted[robots[self._right[robots] >= TRUST_VIEWS]] = RIGHT
         self._forget(robots[(self._wrong[robots] >= DOUBT_VIEWS) & (self.doubted[robots] == RIGHT)], LOST)
 
+    def forget(self, robots: Rows, cameras: Rows) -> None:
+        """Begin anew with robots and cameras whose numbers are for others from now on."""
+        self._forget(robots, RIGHT)
+        self.at_ns[robots], self.views[robots], self._passed[robots] = 0, 0, 0.0
+        self._cameras.forget(cameras)
+
     def _forget(self, robots: Rows, why: int) -> None:
         self.state[robots] = 0.0
         self.covariance[robots] = np.diag(self.usual.variance)
@@ -153,6 +159,10 @@ class _LastPoses:
     def __init__(self) -> None:
         self._at_ns = np.zeros(0, np.int64)
         self._position = np.zeros((0, 3))
+
+    def forget(self, cameras: Rows) -> None:
+        """Forget where cameras were."""
+        self._at_ns[cameras[cameras < len(self._at_ns)]] = 0
 
     def have_jumped(self, cameras: Rows, at_ns: NDArray[np.int64], position: Floats) -> Bools:
         """Return which cameras moved faster than robots do; they are where they are from now on."""

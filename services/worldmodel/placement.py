@@ -12,18 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.distances import REACHES
+from services.geometry.rotation import level_directions
 from services.worldmodel.frames import Frames
 
 Rows = NDArray[np.intp]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-_TURNS: Final = np.arange(REACHES) * (2 * np.pi / REACHES)
-UNITS: Final = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
+UNITS: Final = level_directions(REACHES)
 """The unit vectors of the directions, (REACHES, 2)."""
 
 HALF: Final = REACHES // 2
-_DOUBLED: Final = np.stack([np.cos(2 * _TURNS[:HALF]), np.sin(2 * _TURNS[:HALF])], axis=1)
+_DOUBLED: Final = level_directions(HALF)
+"""The unit vectors of the first half of the directions, their angles doubled, (HALF, 2)."""
 
 NOISE_PER_M2: Final = 0.0035
 """Standard deviation of a stereo camera's depth, by the square of the distance."""

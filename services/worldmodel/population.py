@@ -85,7 +85,6 @@ class Population:
         self._gone = Gone()
         self._free = list(range(self.objects.capacity))[::-1]
         self._dropped: list[int] = []
-        self._swept_ns = 0
 
     def begin(self) -> None:
         """Begin a batch: what was told of the last one is told; rows of what went then may be used again."""
@@ -240,7 +239,6 @@ class Population:
     def sweep(self, now_ns: int) -> None:
         """Forget what was not confirmed in a while."""
         objects = self.objects
-        self._swept_ns = now_ns
         rows = objects.known()
         for row in rows[~objects.confirmed[rows] & (objects.last_ns[rows] < now_ns - UNCONFIRMED_NS)].tolist():
             self._drop(row)

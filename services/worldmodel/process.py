@@ -13,7 +13,7 @@ from bus.sharing.rendezvous import owner
 from schemas import worker_keys
 from schemas.errors import SchemaError
 from schemas.status import WorkerStatus
-from schemas.worker_keys import Serves, WorkerAlive, parse_worker_alive
+from schemas.worker_keys import Serves, WorkerAlive, WorldStream, parse_worker_alive, world_key
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import Site, site_key
 
@@ -103,7 +103,7 @@ class WorldWorker:
 
     async def _stand_by(self, site: str) -> None:
         """Keep the newest state of a site that another worker serves."""
-        async with self._bus.subscribe(worker_keys.world_state(site), LATEST) as states:
+        async with self._bus.subscribe(world_key(site, WorldStream.STATE), LATEST) as states:
             async for sample in states:
                 if site not in self._tasks:
                     self._states[site] = sample.payload

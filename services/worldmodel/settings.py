@@ -6,7 +6,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from bus.settings import BusSettings
-from bus.sharing.settings import WorkerName, default_worker_name
+from bus.sharing.settings import WorkerSettings
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
 from schemas.keys import check_name
@@ -28,10 +28,9 @@ def _site(value: str) -> str:
 SiteText = Annotated[str, AfterValidator(_site)]
 
 
-class WorldSettings(BusSettings):
+class WorldSettings(WorkerSettings, BusSettings):
     """Keep one inventory of each site: every object once, where it is, from what all its robots see."""
 
-    worker: WorkerName = Field(default_factory=default_worker_name, description="this worker's name")
     sites: list[SiteText] = Field(
         default=["main=*"],
         min_length=1,

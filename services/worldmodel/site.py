@@ -3,24 +3,27 @@
 import asyncio
 import logging
 import time
-from asyncio import TaskGroup
+from asyncio import Task, TaskGroup
 from collections import Counter
 from collections.abc import Callable, Sequence
+from itertools import islice
 from math import radians
 from typing import Final
 from uuid import uuid4
 
 from bus import LATEST, Bus, Publisher, QoS, RefusedError, Reply, Request, Sample
 from bus.reporting import report
-from schemas import codec, keys, worker_keys
+from schemas import codec, keys
 from schemas.distances import CameraView
 from schemas.errors import SchemaError
 from schemas.keys import NEARBY, RobotStreamKey, Stream
+from schemas.worker_keys import WorldStream, world_key
 from schemas.world import (
     MAX_CHANGES,
     MAX_PROBLEMS,
     FloorLooks,
     NearbyObjects,
+    RobotOffset,
     SiteStatus,
     WorldAnswer,
     WorldChange,
@@ -30,12 +33,11 @@ from schemas.world import (
 from services.worldmodel.floor import Floor
 from services.worldmodel.inventory import Inventory
 from services.worldmodel.model import SiteModel
+from services.worldmodel.names import CameraName, Roster
 from services.worldmodel.offsets import Localisation
 from services.worldmodel.population import Rules
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.state import StateError, restored, saved
-
-log = logging.getLogger(__name__)
 
 APART_NS: Final = 5_000_000_000
 """A view with a stamp that is farther from when it came is taken to be taken when it came: clocks are apart."""
@@ -47,10 +49,11 @@ CLOCKS_APART: Final = "views whose stamps are far from when they came, taken as 
 
 
 class ViewReader:
-    """Decodes views. frame: of the site's map. left_out: counts, by reason. lag_ns: how long the last ones waited."""
+    """Decodes views. frame: of the site's map. roster: whose views there is room for. left_out: counts, by reason."""
 
-    def __init__(self, frame: str) -> None:
+    def __init__(self, frame: str, roster: Roster) -> None:
         self._frame = frame
+        self._roster = roster
         self.left_out: Counter[str] = Counter()
 
     def read(self, samples: Sequence[Sample]) -> list[tuple[CameraView, int]]:
@@ -70,6 +73,10 @@ class ViewReader:
             return None
         if view.frame_id != self._frame:
             self.left_out[OTHER_FRAME] += 1
+            return None
+        full = self._roster.admit(view.header.robot, view.header.camera, sample.received_ns)
+        if full:
+            self.left_out[full] += 1
             return None
         stamp_ns = view.header.stamp_ns
         if abs(sample.received_ns - stamp_ns) > APART_NS:
@@ -111,8 +118,9 @@ class Site:
         self._inventory = Inventory(name, prefix, self.model)
         self._epoch = uuid4().hex[:12]
         self._floor = Floor()
-        self._reader = ViewReader(settings.frame)
-        self._robots: set[str] = set()
+        self._roster = Roster((camera for camera, _ in self.model.cameras.items()), time.time_ns())
+        self._reader = ViewReader(settings.frame, self._roster)
+        self._nearby: dict[str, Task[None]] = {}
         self._lag_ns = 0
 
     def state(self) -> bytes:
@@ -121,16 +129,16 @@ class Site:
 
     async def run(self, keep: Callable[[bytes], None] = lambda _: None) -> None:
         """Serve the site until cancelled. keep: called with the state now and then."""
-        changes = worker_keys.world_changes(self._name)
-        state = worker_keys.world_state(self._name)
+        changes = world_key(self._name, WorldStream.CHANGES)
+        state = world_key(self._name, WorldStream.STATE)
         async with (
             self._bus.publisher(changes, QoS.RESULT, encoding=codec.encoding(WorldChanges), kept=KEPT) as told,
             self._bus.publisher(state, QoS.RESULT) as states,
-            self._bus.serve(worker_keys.world_objects(self._name), self._answer),
-            self._bus.serve(worker_keys.world_floor(self._name), self._answer_floor),
+            self._bus.serve(world_key(self._name, WorldStream.OBJECTS), self._answer),
+            self._bus.serve(world_key(self._name, WorldStream.FLOOR), self._answer_floor),
             TaskGroup() as group,
         ):
-            group.create_task(report(self._bus, worker_keys.world_status(self._name), SiteStatus, self._status))
+            group.create_task(report(self._bus, world_key(self._name, WorldStream.STATUS), SiteStatus, self._status))
             group.create_task(self._refresh(told))
             group.create_task(self._keep_state(states, keep))
             for robot in self._settings.robots_of[self._name] or ("*",):
@@ -141,14 +149,22 @@ class Site:
             async for batch in samples.batches(AT_ONCE):
                 self._lag_ns = max(0, time.time_ns() - batch[0].received_ns)
                 found = self._reader.read(batch)
+                self._forget(*self._roster.take_left())
                 events = self.model.take_all(found)
                 self._tell(told, [self._inventory.change(event) for event in events])
                 for view, at_ns in found:
                     self._floor.take(view, at_ns)
-                for robot in {view.header.robot for view, _ in found} - self._robots:
-                    self._robots.add(robot)
-                    group.create_task(self._tell_nearby(robot))
+                for robot in {view.header.robot for view, _ in found} - self._nearby.keys():
+                    self._nearby[robot] = group.create_task(self._tell_nearby(robot))
                 await asyncio.sleep(0)
+
+    def _forget(self, robots: Sequence[str], cameras: Sequence[CameraName]) -> None:
+        if cameras:
+            self.model.forget(set(robots), cameras)
+            self._floor.forget(cameras)
+        for robot in robots:
+            if robot in self._nearby:
+                self._nearby.pop(robot).cancel()
 
     def _tell(self, told: Publisher, changes: list[WorldChange]) -> None:
         for start in range(0, len(changes), MAX_CHANGES):
@@ -212,7 +228,7 @@ class Site:
         return Reply(codec.encode(self._floor.message(self._name, time.time_ns())), codec.encoding(FloorLooks))
 
     def _status(self) -> SiteStatus:
-        model = self.model
+        model, robots = self.model, self._inventory.robots()
         return SiteStatus(
             site=self._name,
             epoch=self._epoch,
@@ -225,8 +241,8 @@ class Site:
             sightings=model.sightings,
             left_out=self._left_out(),
             lag_ns=self._lag_ns,
-            robots=self._inventory.robots(),
-            problems=self._problems(),
+            robots=robots,
+            problems=self._problems(robots),
         )
 
     def _left_out(self) -> dict[str, int]:
@@ -235,13 +251,14 @@ class Site:
             counts[reason] = counts.get(reason, 0) + count
         return counts
 
-    def _problems(self) -> list[str]:
-        doubted = [f"{each.robot}: {each.doubted}" for each in self._inventory.robots() if each.doubted]
+    def _problems(self, robots: Sequence[RobotOffset]) -> list[str]:
+        doubted = [f"{each.robot}: {each.doubted}" for each in robots if each.doubted]
         others = [f"{robot}: {count} sightings left out: {why}" for (robot, why), count in self._worst()]
         return [*doubted, *others][:MAX_PROBLEMS]
 
     def _worst(self) -> list[tuple[tuple[str, str], int]]:
-        return [each for each in self.model.left_out.most_common(MAX_PROBLEMS) if each[1]]
+        named = (each for each in self.model.left_out.most_common() if each[0][0] and each[1])
+        return list(islice(named, MAX_PROBLEMS))
 
 
 def site_key(name: str) -> keys.CameraKey:

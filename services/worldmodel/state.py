@@ -50,7 +50,7 @@ def saved(site: str, prefix: str, last: int, model: SiteModel) -> bytes:
             last=last,
             next_number=model.population.next_number,
             classes=model.classes.names,
-            cameras=model.cameras,
+            cameras=model.cameras.names,
             columns=columns,
         )
     )

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 from pydantic import ValidationError
 
@@ -99,3 +101,30 @@ def test_a_file_that_is_none_is_one_error_that_names_the_field(file: str, reason
 @pytest.mark.parametrize("end", ["tcp/a:7447", "tcp/[::1]:7447", "udp/10.0.0.1:7447?rel=0", "tls/a:7447#a=b:1"])
 def test_an_endpoints_port(end: str) -> None:
     assert port_of(end) == "7447"
+
+
+def test_one_setting_stands_for_the_files_that_the_command_makes(tmp_path: Path) -> None:
+    for name in ("ca.pem", "gpu-1.local.pem", "gpu-1.local.key"):
+        (tmp_path / name).touch()
+    settings = BusSettings(connect=["tls/central:7447"], tls=tmp_path / "gpu-1.local")
+    found = (settings.tls_ca, settings.tls_certificate, settings.tls_key)
+    assert found == tuple(tmp_path / name for name in ("ca.pem", "gpu-1.local.pem", "gpu-1.local.key"))
+    other = BusSettings(connect=["tls/central:7447"], tls=tmp_path / "gpu-1.local", tls_ca=Path(__file__))
+    assert (other.tls_ca, other.tls_key) == (Path(__file__), tmp_path / "gpu-1.local.key")
+
+
+def test_a_file_that_it_stands_for_and_that_is_not_there_is_named(tmp_path: Path) -> None:
+    (tmp_path / "ca.pem").touch()
+    with pytest.raises(ValidationError) as caught:
+        BusSettings(tls=tmp_path / "r1")
+    assert [error["loc"] for error in caught.value.errors()] == [("tls_certificate",), ("tls_key",)]
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [({"mode": "client"}, "a client applies no rules"), ({"mode": "peer"}, "the rules are by certificate")],
+)
+def test_rules_are_for_who_takes_links_with_certificates(given: dict[str, object], reason: str) -> None:
+    files = {} if given["mode"] == "peer" else {"tls_ca": __file__, "tls_certificate": __file__, "tls_key": __file__}
+    with pytest.raises(ValidationError, match=reason):
+        BusSettings.model_validate({**given, **files, "access": __file__})

@@ -18,7 +18,7 @@ from schemas.distances import Distances, Measured, ObjectDistance, Place
 from schemas.inventory import ClassSighting, InventoryAnswer, InventoryRequest
 from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectCloud, ObjectClouds, Shape, UprightBox
-from schemas.worker_keys import WorkerAlive
+from schemas.worker_keys import WorkerAlive, WorldStream, world_key
 from schemas.world import WorldAnswer, WorldObject, WorldRequest
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import PATIENCE_S
@@ -168,7 +168,7 @@ async def stand_in(*, worker: bool = True, monitor: bool = True) -> AsyncIterato
             await stack.enter_async_context(bus.announce(token))
         if monitor:
             await stack.enter_async_context(bus.serve(keys.INVENTORY, _inventory))
-            await stack.enter_async_context(bus.serve(worker_keys.world_objects("hall"), _world))
+            await stack.enter_async_context(bus.serve(world_key("hall", WorldStream.OBJECTS), _world))
         images = group.create_task(_send_images(made))
         yield made
         images.cancel()

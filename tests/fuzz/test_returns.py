@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway.to_ros.actions import AHEAD, EARLIER, OLD, FreshActions
 from gateway.to_ros.outputs import POINT, actions_return, alerts_return, camera_returns
 from gateway.to_ros.stream import MALFORMED, REFUSED, StreamReturn
 from schemas import codec
 from schemas.codec import Message
-from schemas.keys import CameraKey
+from schemas.keys import CameraKey, RobotStreamKey
 from tests.gateway.to_ros.lists import class_list
 from tests.gateway.to_ros.namespaces import IN_ROOT
 from tests.gateway.to_ros.overlays import overlay
@@ -22,6 +23,7 @@ from tests.gateway.to_ros.taking import status, take
 from tests.schemas import frames
 from tests.schemas.results import action, alert, cloud, clouds, distances, known, unknown
 
+SENT_NS = 1_700_000_000_000_000_000
 RESULTS: dict[str, Message] = {
     "classes": class_list(("box", 2), ("pallet", 1)),
     "distances": distances(known("box", 2.5), unknown("pallet")),
@@ -29,7 +31,7 @@ RESULTS: dict[str, Message] = {
     "overlay/segmentation": frames.image(),
     "objects": clouds(cloud((0.0, 0.5, 2.0), rgb=b"rgb"), cloud((1.0, 0.5, 2.0))),
     "alerts": alert(),
-    "actions": action(),
+    "actions": msgspec.structs.replace(action(), sent_ns=SENT_NS),
 }
 scalars = st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.text() | st.binary()
 values = st.recursive(scalars, lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner), max_leaves=20)
@@ -37,12 +39,12 @@ counts = st.lists(st.tuples(st.text(max_size=300), st.integers(-1, 3) | st.integ
 
 
 def stream_of(name: str) -> StreamReturn[Any]:
+    if name == "actions":
+        stream = actions_return("r1", {"pick_up": "/planner/pick_up"}, IN_ROOT)
+        stream._novelty = FreshActions(RobotStreamKey("r1", "actions"), wall_ns=lambda: SENT_NS)
+        return stream
     made = [*camera_returns(CameraKey("r1", "front"), "/ultralytics", IN_ROOT), alerts_return("r1", IN_ROOT)]
-    return next(
-        stream
-        for stream in [*made, actions_return("r1", {"pick_up": "/planner/pick_up"}, IN_ROOT)]
-        if str(stream.key).endswith(f"/{name}")
-    )
+    return next(stream for stream in made if str(stream.key).endswith(f"/{name}"))
 
 
 def check(name: str, payload: bytes) -> None:
@@ -50,7 +52,7 @@ def check(name: str, payload: bytes) -> None:
     message = take(stream, payload)
     if message is None:
         assert status(stream).published == 0
-        assert status(stream).dropped in ({MALFORMED: 1}, {REFUSED: 1})
+        assert status(stream).dropped in [{reason: 1} for reason in (MALFORMED, REFUSED, OLD, EARLIER, AHEAD)]
         return
     assert (status(stream).published, status(stream).dropped) == (1, {})
     match name:

@@ -11,9 +11,10 @@ import msgspec
 import pytest
 
 from bus import LATEST, QUEUE, Bus, BusError, QoS, RefusedError, Subscription
-from schemas import codec, worker_keys
+from schemas import codec
 from schemas.distances import CameraView
 from schemas.keys import NEARBY, CameraKey, RobotStreamKey, Stream
+from schemas.worker_keys import WorldStream, world_key
 from schemas.world import (
     ChangeKind,
     FloorLooks,
@@ -79,7 +80,7 @@ class Robots:
 async def asked(bus: Bus, request: WorldRequest | None = None) -> WorldAnswer:
     payload = b"" if request is None else codec.encode(request)
     reply = await bus.request(
-        worker_keys.world_objects(SITE), payload, encoding=codec.encoding(WorldRequest), timeout_s=5
+        world_key(SITE, WorldStream.OBJECTS), payload, encoding=codec.encoding(WorldRequest), timeout_s=5
     )
     return codec.decode(WorldAnswer, reply.payload, reply.encoding)
 
@@ -104,7 +105,7 @@ async def test_one_inventory_of_what_two_robots_see_is_told_and_asked_for() -> N
         await start(central, "w1", "--refresh-s", "1")
         answer = await until_known(central.bus, len(THINGS))
         async with central.bus.subscribe(
-            worker_keys.world_changes(SITE), QUEUE(1000), history=True, recover=100
+            world_key(SITE, WorldStream.CHANGES), QUEUE(1000), history=True, recover=100
         ) as changes:
             told = await first_changes(changes, len(THINGS))
             assert {change.object.id for change in told} == {each.id for each in answer.objects}
@@ -119,12 +120,12 @@ async def test_one_inventory_of_what_two_robots_see_is_told_and_asked_for() -> N
         assert (await asked(central.bus, nowhere)).objects == []
         with pytest.raises(RefusedError, match="unknown field"):
             await central.bus.request(
-                worker_keys.world_objects(SITE),
+                world_key(SITE, WorldStream.OBJECTS),
                 msgspec.msgpack.encode({"clas": "box"}),
                 encoding=codec.encoding(WorldRequest),
                 timeout_s=5,
             )
-        reply = await central.bus.request(worker_keys.world_floor(SITE), timeout_s=5)
+        reply = await central.bus.request(world_key(SITE, WorldStream.FLOOR), timeout_s=5)
         floor = codec.decode(FloorLooks, reply.payload, reply.encoding)
         assert floor.columns * floor.rows > 0
         assert min(memoryview(floor.ages).cast("H")) < 30
@@ -186,7 +187,7 @@ async def test_another_worker_takes_a_site_over_with_its_ids() -> None:
         await asyncio.sleep(4)  # the one that stands by has got the state by then
         first.process.kill()
         lost_s = time()
-        async with central.bus.subscribe(worker_keys.world_status(SITE), QUEUE(100), history=False) as statuses:
+        async with central.bus.subscribe(world_key(SITE, WorldStream.STATUS), QUEUE(100), history=False) as statuses:
             async with asyncio.timeout(PATIENCE_S):
                 async for sample in statuses:
                     status = codec.decode(SiteStatus, sample.payload, sample.encoding)
@@ -279,7 +280,7 @@ async def test_a_robot_without_a_map_and_one_that_talks_nonsense_are_named() -> 
         counts: dict[str, int] = {}
         async with (
             central.bus.publisher(key, QoS.IMAGE, encoding=codec.encoding(CameraView)) as publisher,
-            central.bus.subscribe(worker_keys.world_status(SITE), QUEUE(100)) as statuses,
+            central.bus.subscribe(world_key(SITE, WorldStream.STATUS), QUEUE(100)) as statuses,
             asyncio.timeout(PATIENCE_S),
         ):
             async for sample in statuses:

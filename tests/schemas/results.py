@@ -1,6 +1,7 @@
 """Results about space for tests, and what the rules say."""
 
 import struct
+import time
 
 from schemas.alerts import Action, Alert, AlertState, Severity
 from schemas.distances import Distances, Measured, ObjectDistance, Place
@@ -85,4 +86,5 @@ def alert(
 
 
 def action(*, id_: str = "1", name: str = "pick_up", payload: str = "box", robot: str = "r1") -> Action:
-    return Action(id=id_, name=name, robot=robot, payload=payload, rule="box in view", sent_ns=5)
+    """Return an action that is sent now."""
+    return Action(id=id_, name=name, robot=robot, payload=payload, rule="box in view", sent_ns=time.time_ns())

@@ -8,18 +8,22 @@ from hypothesis import strategies as st
 from schemas import codec, keys, worker_keys
 from schemas.distances import MAX_GRID, CameraView, DepthGrid
 from schemas.errors import SchemaError
+from schemas.worker_keys import WorldStream, world_key
 from schemas.world import ChangeKind, FloorLooks, WorldChange, WorldChanges, WorldObject, WorldRequest
 from tests.schemas.world import CHANGE, FLOOR, OBJECT, REQUEST, grid, view, viewed
 
 names = st.from_regex(keys.NAME, fullmatch=True)
 
 
-@given(names)
-def test_keys_of_a_site_parse_back(site: str) -> None:
-    assert worker_keys.parse_world(worker_keys.world_changes(site)) == (site, "changes")
-    assert worker_keys.parse_world(worker_keys.world_objects(site)) == (site, "objects")
-    assert worker_keys.parse_world(worker_keys.world_floor(site)) == (site, "floor")
-    assert worker_keys.parse_world(worker_keys.world_status(site)) == (site, "status")
+@given(names, st.sampled_from(WorldStream))
+def test_keys_of_a_site_parse_back(site: str, stream: WorldStream) -> None:
+    assert worker_keys.parse_world(world_key(site, stream)) == (site, stream)
+
+
+def test_keys_of_a_site_are_those_of_the_contract() -> None:
+    found = [world_key("hall", stream) for stream in WorldStream]
+    assert found == [f"world/hall/{last}" for last in ("changes", "objects", "floor", "status", "state")]
+    assert worker_keys.EVERY_WORLD_STATUS == "world/*/status"
 
 
 @pytest.mark.parametrize("key", ["world/a", "world/a/b", "world/*/changes", "fleet/a/changes", "world//changes"])

@@ -39,7 +39,10 @@ OFFER_S: Final = 10.0
 
 
 class Alerting:
-    """Raises alerts by rules, delivers them, and applies operators' actions to them."""
+    """Raises alerts by rules, delivers them, and applies operators' actions to them.
+
+    robot_ns: returns the reading of a robot's clock at a time of ours, 0 if it is unknown.
+    """
 
     def __init__(
         self,
@@ -47,6 +50,7 @@ class Alerting:
         inventory: Inventory,
         heartbeat: Heartbeat,
         *,
+        robot_ns: Callable[[str, int], int] = lambda _robot, _ours_ns: 0,
         settle_s: float = SETTLE_NS / NS,
         offer_s: float = OFFER_S,
         conditions: WorldConditions | None = None,
@@ -55,6 +59,7 @@ class Alerting:
         self._rules = rules
         self._inventory = inventory
         self._heartbeat = heartbeat
+        self._robot_ns = robot_ns
         self._settled_s = time.monotonic() + settle_s
         self._offer_s = offer_s
         self._offered_s = time.monotonic()
@@ -257,7 +262,8 @@ class Alerting:
         for name in [name for name in told if name in webhooks]:  # the rule may be from the earlier book
             self._webhooks.post(name, webhooks[name], alert)
         if effect.raised and rule.action is not None:
-            self._actions.send(action_of(rule.action, alert, uuid4().hex))
+            robot_ns = self._robot_ns(alert.robot, alert.changed_ns)
+            self._actions.send(action_of(rule.action, alert, uuid4().hex, robot_ns))
 
     def _known(self) -> RuleEngine:
         if self._engine is None:
@@ -283,8 +289,8 @@ def look_at(
     )
 
 
-def action_of(asked: RobotAction, alert: Alert, action_id: str) -> Action:
-    """Return the action to send to a robot because of an alert."""
+def action_of(asked: RobotAction, alert: Alert, action_id: str, robot_ns: int = 0) -> Action:
+    """Return the action to send to a robot because of an alert. robot_ns: see `Action`."""
     payload = asked.payload
     for placeholder, value in zip(PLACEHOLDERS, (alert.robot, alert.camera, alert.name), strict=True):
         payload = payload.replace(placeholder, value)
@@ -295,4 +301,5 @@ def action_of(asked: RobotAction, alert: Alert, action_id: str) -> Action:
         payload=payload,
         rule=alert.rule,
         sent_ns=alert.changed_ns,
+        robot_ns=robot_ns,
     )

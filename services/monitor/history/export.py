@@ -12,6 +12,7 @@ from sqlalchemy import ColumnElement, Select, Table, case, select
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from services.monitor.formats import as_text, epoch_ns, moment, rounded
+from services.monitor.history.backup import back_up, restore
 from services.monitor.history.engine import engine_of, translating
 from services.monitor.history.opening import connect
 from services.monitor.history.row_maintenance import compact
@@ -89,6 +90,10 @@ async def run(settings: ExportSettings) -> None:
     """
     if settings.task == "export":
         said = f"{settings.to}: {await export(settings)} {settings.what}"
+    elif settings.task == "backup":
+        said = await back_up(settings.history, settings.to or Path())
+    elif settings.task == "restore":
+        said = await restore(settings.history, settings.source or Path())
     elif settings.task == "trust-clock":
         said = await _trust_clock(settings.history)
     else:

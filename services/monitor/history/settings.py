@@ -119,13 +119,15 @@ Moment = Annotated[AwareDatetime | NaiveDatetime, written_like("2026-11-20T06:00
 class ExportSettings(BaseModel):
     """Write sightings (one row per interval of constant count) or alerts from a monitor's history to a file.
 
-    A name that ends in .parquet makes Parquet, which takes fleetsight's extra [parquet]. `trust-clock` says that the
-    clock of the monitor's machine is right, where a monitor doubts it; `compact` makes an SQLite file as small as what
-    is in it, and has it shrink by itself from then on.
+    A name that ends in .parquet makes Parquet, which takes fleetsight's extra [parquet]. `backup` copies the whole
+    database to a file while the monitor runs; `restore` makes a database of such a file where there is none.
+    `trust-clock` says that the clock of the monitor's machine is right, where a monitor doubts it; `compact` makes an
+    SQLite file as small as what is in it, and has it shrink by itself from then on.
     """
 
-    task: Annotated[Literal["export", "trust-clock", "compact"], Field(description="what to do")]
-    to: Annotated[Path | None, Field(description="file to write, .csv or .parquet; required for export")] = None
+    task: Annotated[Literal["export", "backup", "restore", "trust-clock", "compact"], Field(description="what to do")]
+    to: Annotated[Path | None, Field(description="file that export (.csv or .parquet) or backup writes")] = None
+    source: Annotated[Path | None, Field(alias="from", description="backup that restore reads")] = None
     history: Annotated[HistoryUrl, Field(description="history database of the monitor")] = Field(
         default_factory=default_url
     )
@@ -138,23 +140,17 @@ class ExportSettings(BaseModel):
 
     bom: Annotated[bool, Field(description="begin CSV with a byte order mark, which Excel needs to read UTF-8")] = False
 
-    @field_validator("to")
-    @classmethod
-    def _is_of_a_kind(cls, to: Path | None) -> Path | None:
-        if to is None:
-            return to
-        if to.suffix not in (".csv", ".parquet"):
-            raise ValueError("the file name must end in .csv or .parquet")
-        if to.suffix == ".parquet" and find_spec("polars") is None:
-            raise ValueError("Parquet needs polars, which is not installed: install fleetsight[parquet]")
-        return to
-
     @model_validator(mode="after")
-    def _writes_a_file_if_it_exports(self, info: ValidationInfo) -> Self:
-        if self.task == "export" and self.to is None:
-            raise ValueError("export needs --to, the file to write")
-        if self.task != "export" and (given := given_as_options(self, info) - {"task", "history"}):
-            raise ValueError(f"{self.task} takes only --history, not --{min(given)}")
+    def _names_its_files(self, info: ValidationInfo) -> Self:
+        needs = {"export": "to", "backup": "to", "restore": "source"}.get(self.task)
+        if needs and getattr(self, needs) is None:
+            option = {"to": "--to, the file to write", "source": "--from, the backup to read"}[needs]
+            raise ValueError(f"{self.task} needs {option}")
+        if self.task == "export":
+            _check_kind(self.to)
+        elif given := given_as_options(self, info) - {"task", "history", needs}:
+            takes = {"to": "--to and --history", "source": "--from and --history"}.get(needs or "", "--history")
+            raise ValueError(f"{self.task} takes only {takes}, not --{min(given)}")
         return self
 
     @field_validator("robot", "camera")
@@ -179,6 +175,13 @@ class ExportSettings(BaseModel):
         if history == NONE:
             raise ValueError("there is no history to export")
         return history
+
+
+def _check_kind(to: Path | None) -> None:
+    if to is None or to.suffix not in (".csv", ".parquet"):
+        raise ValueError("the file name of --to must end in .csv or .parquet")
+    if to.suffix == ".parquet" and find_spec("polars") is None:
+        raise ValueError("Parquet needs polars, which is not installed: install fleetsight[parquet]")
 
 
 LAST_NS: Final = epoch_ns(datetime(LAST_YEAR, 12, 31, tzinfo=UTC))

@@ -181,7 +181,7 @@ def watching_routes(monitor: Monitor, access: Access) -> APIRouter:
 
     @router.get(HEALTH)
     async def health(request: Request) -> Response:
-        """503 while the fleet cannot be heard; only logged-in users get the reason."""
+        """503 while the fleet cannot be heard; only logged-in users get the reason. All are told if links are open."""
         dead, not_kept = monitor.health.problem, monitor.history.status.problem
         degraded = {
             "the history is not being kept": not_kept,
@@ -196,6 +196,8 @@ def watching_routes(monitor: Monitor, access: Access) -> APIRouter:
             answer |= {"reason": dead and (dead if may_look else "the fleet cannot be heard"), "degraded": sorted(told)}
         if may_look:
             answer["details"] = told
+        if monitor.open_to_all:
+            answer["insecure"] = monitor.open_to_all
         return JSONResponse(answer, 503 if dead else 200)
 
     @router.get(METRICS)

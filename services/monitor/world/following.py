@@ -7,8 +7,9 @@ from collections.abc import Iterable
 from typing import Final
 
 from bus import QUEUE, Bus, RequestError, Sample
-from schemas import codec, worker_keys
+from schemas import codec
 from schemas.errors import SchemaError
+from schemas.worker_keys import WorldStream, world_key
 from schemas.world import FloorLooks, WorldAnswer, WorldChanges, WorldObject, WorldRequest
 from services.monitor.event_loop import AT_ONCE
 from services.monitor.map.sites import Sites
@@ -39,7 +40,7 @@ async def follow_world(bus: Bus, world: World, sites: Sites) -> None:
 
 
 async def _receive(bus: Bus, site: str, objects: SiteObjects) -> None:
-    key = worker_keys.world_changes(site)
+    key = world_key(site, WorldStream.CHANGES)
     async with bus.subscribe(key, QUEUE(DEPTH), recover=KEPT) as subscription:
         async for batch in subscription.batches(AT_ONCE):
             for sample in batch:
@@ -76,7 +77,7 @@ async def _look_at_floor(bus: Bus, site: str, objects: SiteObjects, sites: Sites
     while True:
         if objects.floor_wanted and sites.is_current(site, time.time_ns()):
             try:
-                reply = await bus.request(worker_keys.world_floor(site), timeout_s=TIMEOUT_S)
+                reply = await bus.request(world_key(site, WorldStream.FLOOR), timeout_s=TIMEOUT_S)
                 looks = codec.decode(FloorLooks, reply.payload, reply.encoding)
                 zones = [zone for zone in objects.zones if zone.name in objects.floor_wanted]
                 objects.floor = await asyncio.to_thread(floor_of, zones, looks, time.time_ns())
@@ -103,6 +104,6 @@ def _every(answers: Iterable[WorldAnswer]) -> Iterable[WorldObject]:
 
 async def _ask(bus: Bus, site: str, question: WorldRequest) -> WorldAnswer:
     encoding = codec.encoding(WorldRequest)
-    key = worker_keys.world_objects(site)
+    key = world_key(site, WorldStream.OBJECTS)
     reply = await bus.request(key, codec.encode(question), encoding=encoding, timeout_s=TIMEOUT_S)
     return codec.decode(WorldAnswer, reply.payload, reply.encoding)

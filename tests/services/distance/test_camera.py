@@ -5,19 +5,23 @@ from typing import Any, NoReturn
 
 import pytest
 
-from bus import BusClosedError, Payload
+from bus import BusClosedError, Payload, Publisher
 from bus.api import PublisherCounts
 from bus.fake import FakeNetwork
 from schemas import codec
-from schemas.detections import Detection
+from schemas.detections import Detection, Detections
 from schemas.distances import Distances
 from schemas.keys import Stream
 from schemas.status import UNWANTED
-from services.distance.camera import DistanceCamera, work
+from services.distance.camera import DistanceCamera, Viewing, work
+from services.distance.camera_views import Place, ViewMaker
 from services.distance.depth_readings import Criteria
+from services.distance.measuring import DepthView
 from services.distance.sensor_history import DEPTH_IMAGE, SensorHistory
 from services.distance.sensor_input import FAILED, DetectionCounts
 from services.distance.views import DepthLimits, Instant, Views
+from services.geometry.camera import CameraModel
+from services.geometry.depth import Depth
 from services.worker.stamp_joiner import Joiner
 from tests.services.distance.rig import FRONT, only, robot
 from tests.services.distance.scenes import depth, detections, found, mask, wall
@@ -63,20 +67,58 @@ class Blind(Views):
         raise AssertionError(of)
 
 
+class Counting(Views):
+    """Counts how often it looks at depth."""
+
+    count = 0
+
+    def view(self, of: Instant) -> tuple[Depth, CameraModel | str]:
+        self.count += 1
+        return super().view(of)
+
+
+class Published:
+    """A publisher that notes the names of streams as their messages are published."""
+
+    def __init__(self, name: str, order: list[str], *, wanted: bool = True) -> None:
+        self.wanted = wanted
+        self._name = name
+        self._order = order
+
+    @property
+    def counts(self) -> PublisherCounts:
+        return PublisherCounts(0, 0)
+
+    def put(self, payload: Payload) -> None:
+        assert payload
+        self._order.append(self._name)
+
+
+class Failing(ViewMaker):
+    """Makes no view."""
+
+    def view(self, seen: Detections, depth: DepthView | str, place: Place) -> NoReturn:
+        raise ValueError(seen.header.seq, depth, place)
+
+
+def viewing(publisher: Publisher, maker: type[ViewMaker] = ViewMaker) -> Viewing:
+    return Viewing(publisher, maker(Criteria(), "w1"), "map", period_s=0.0)
+
+
 async def answers(
-    publisher: Faltering,
+    publisher: Publisher,
     executor: Executor,
     frames: int,
     objects: Sequence[Detection] = BOX,
-    views: type[Views] = Views,
+    views: type[Views] | Views = Views,
     *,
+    viewing: Viewing | None = None,
     done: asyncio.Event | None = None,
 ) -> DetectionCounts:
     """Return the account of a camera that is measured that often, until it is done."""
     network, account, done = FakeNetwork(), DetectionCounts(FRONT), done or asyncio.Event()
-    camera = DistanceCamera(
-        account, SensorHistory((), Joiner(DEPTH_IMAGE)), views(DepthLimits()), Criteria(), "w1", executor
-    )
+    views = views if isinstance(views, Views) else views(DepthLimits())
+    camera = DistanceCamera(account, SensorHistory((), Joiner(DEPTH_IMAGE)), views, Criteria(), "w1", executor, viewing)
     async with (
         network.open_bus() as theirs,
         network.open_bus() as ours,
@@ -118,6 +160,36 @@ async def test_an_image_without_objects_needs_no_look_at_depth() -> None:
         account = await answers(publisher, executor, 2, objects=(), views=Blind)
     assert [seen.objects for seen in publisher.taken] == [[]]
     assert account.done == 1
+
+
+async def test_distances_come_before_the_view_and_depth_is_read_once_for_both() -> None:
+    order: list[str] = []
+    views = Counting(DepthLimits())
+    with ThreadPoolExecutor(1) as executor:
+        view = viewing(Published("view", order))
+        account = await answers(Published("distances", order), executor, 2, views=views, viewing=view)
+    assert order == ["distances", "view"] * 2
+    assert views.count == 2
+    assert (account.done, account.load(serving=True).dropped) == (2, {})
+
+
+async def test_a_view_that_fails_costs_no_distances(caplog: pytest.LogCaptureFixture) -> None:
+    order: list[str] = []
+    with ThreadPoolExecutor(1) as executor:
+        view = viewing(Published("view", order), Failing)
+        account = await answers(Published("distances", order), executor, 2, viewing=view)
+    assert order == ["distances"] * 2
+    assert (account.done, account.load(serving=True).dropped) == (2, {f"view: {FAILED}": 2})
+    assert "r1/front: the view of frame 0 failed: ValueError" in caplog.text
+
+
+async def test_a_view_that_fails_where_nobody_wants_distances_fails_the_image() -> None:
+    order: list[str] = []
+    with ThreadPoolExecutor(1) as executor:
+        view = viewing(Published("view", order), Failing)
+        account = await answers(Published("distances", order, wanted=False), executor, 2, viewing=view)
+    assert order == []
+    assert (account.done, account.load(serving=True).dropped) == (0, {FAILED: 2})
 
 
 async def test_detections_that_nobody_has_read_when_it_ends_are_counted() -> None:

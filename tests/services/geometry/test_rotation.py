@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from services.geometry.rotation import inverse_of, matrix_of, quaternion_of, slerp
+from services.geometry.rotation import inverse_of, level_directions, matrix_of, quaternion_of, slerp
 
 numbers = st.floats(-1, 1)
 quaternions = st.tuples(numbers, numbers, numbers, numbers).map(np.array).filter(lambda q: np.linalg.norm(q) > 0.1)
@@ -42,3 +42,8 @@ def test_on_the_way_the_turn_grows_evenly(start: NDArray[Any], end: NDArray[Any]
     whole = np.arccos(min(1.0, abs(first @ last)))
     part = np.arccos(min(1.0, abs(first @ slerp(first, last, share))))
     assert part == pytest.approx(share * whole, abs=1e-4)
+
+
+def test_level_directions_go_round_from_x_to_y() -> None:
+    assert level_directions(4) == pytest.approx(np.array([[1, 0], [0, 1], [-1, 0], [0, -1]]))
+    assert np.linalg.norm(level_directions(12), axis=1) == pytest.approx(np.ones(12))

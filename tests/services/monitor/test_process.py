@@ -16,6 +16,7 @@ from schemas.detections import ClassCount, ClassList
 from schemas.inventory import InventoryAnswer
 from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
+from schemas.worker_keys import WorldStream, world_key
 from services.monitor.display import MAX_LINES, show
 from services.monitor.fleet import Fleet
 from services.monitor.formats import MAX_SHOWN
@@ -103,7 +104,7 @@ async def test_second_opinions_reach_the_inventory_and_count_as_nothing_else(bus
 async def test_statuses_are_kept(bus: Bus, fleet: Fleet) -> None:
     await publish(bus, keys.gateway_status("r1"), GATEWAY)
     await publish(bus, worker_keys.worker_status("detector", "w1"), WORKER)
-    await publish(bus, worker_keys.world_status("hall"), HALL)
+    await publish(bus, world_key("hall", WorldStream.STATUS), HALL)
     await until(lambda: fleet.gateways and fleet.workers and fleet.sites.every())
     assert [known.status for known in fleet.sites.every()] == [HALL]
     assert fleet.gateways == {"r1": GATEWAY}

@@ -48,6 +48,8 @@ def test_what_a_clock_shows_now() -> None:
     assert clocks.theirs_ns("r1", "theirs", NOW_NS + 7) == NOW_NS + 7 + AHEAD_NS
     assert clocks.theirs_ns("r1", "another", NOW_NS) is None
     assert clocks.theirs_ns("r2", "theirs", NOW_NS) is None
+    assert clocks.robot_ns("r1", NOW_NS + 7) == NOW_NS + 7 + AHEAD_NS
+    assert clocks.robot_ns("r2", NOW_NS) == 0
 
 
 def test_a_robot_that_went_is_remembered_while_what_its_clock_shows_is_known() -> None:

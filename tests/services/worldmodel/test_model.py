@@ -119,7 +119,7 @@ def test_a_robot_that_is_off_is_set_right_by_what_others_saw() -> None:
     off = Camera(robot="r3", off=(0.06, -0.08, 0.015))
     watch(model, things, [off], 12.0, 10)
     assert len(known(model)) == len(things)
-    offset = model.offsets.state[model.robots.index("r3")]
+    offset = model.offsets.state[model.robots.number("r3")]
     assert offset == pytest.approx([-0.06, 0.08, -0.015], abs=0.045)
 
 
@@ -129,12 +129,12 @@ def test_a_lost_robot_is_doubted_and_spoils_nothing() -> None:
     before = [(each.x, each.y) for each in known(model)]
     lost = Camera(robot="r2", off=(0.0, 0.9, 0.4))
     watch(model, SPREAD, [lost], 8.0, 12)
-    assert model.offsets.doubted[model.robots.index("r2")] == LOST
+    assert model.offsets.doubted[model.robots.number("r2")] == LOST
     assert model.left_out["r2", model_module.DOUBTED] > 0
     right = [each for each in known(model) if any(np.hypot(each.x - x, each.y - y) < 0.1 for x, y in before)]
     assert len(right) == len(SPREAD)
     watch(model, SPREAD, [replace(lost, off=(0.0, 0.0, 0.0))], 16.0, 8)
-    assert model.offsets.doubted[model.robots.index("r2")] == RIGHT
+    assert model.offsets.doubted[model.robots.number("r2")] == RIGHT
 
 
 def test_a_pose_that_jumps_is_doubted_until_it_fits() -> None:

@@ -1,5 +1,7 @@
 """The model's parts on their own: index, boxes from edges, offsets, what overlaps, who is back."""
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -36,6 +38,15 @@ def test_what_moved_is_found_where_it_is_and_what_went_nowhere() -> None:
     assert index.near(np.array([[0.5, 0.5]]))[1].tolist() == [1]
     index.drop(1)
     assert index.near(np.array([[0.5, 0.5], [20.0, 0.0]]))[1].tolist() == [0]
+
+
+def test_the_index_does_not_grow_with_the_places_asked_for() -> None:
+    index = Index()
+    index.put(np.array([0]), np.array([[0.5, 0.5]]))
+    assert index.near(np.array([[0.5, 0.5]]))[1].tolist() == [0]
+    before = len(pickle.dumps(index))
+    assert index.near(np.array([[100.0 * step, 0.0] for step in range(1, 500)]))[1].tolist() == []
+    assert len(pickle.dumps(index)) == before
 
 
 def edges_of(x: float, y: float, length: float, width: float, yaw: float) -> np.ndarray:

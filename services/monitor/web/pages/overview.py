@@ -7,8 +7,9 @@ from typing import Final
 
 from nicegui import events, ui
 
+from bus.session.links import is_loopback
 from services.monitor.event_loop import pause
-from services.monitor.join_address import ALSO_ELSEWHERE, endpoint_to_join, is_here_alone
+from services.monitor.join_address import ALSO_ELSEWHERE, endpoint_to_join
 from services.monitor.liveness import RobotState
 from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError
 from services.monitor.web.auth.users import Visitor
@@ -158,5 +159,5 @@ def no_robots_yet(monitor: Monitor) -> ui.html:
         "No robot has joined yet",
         "Start a gateway beside a robot's ROS master; it shows up here within a second:",
         command=f"fleetsight gateway --robot r1 --connect {endpoint}",
-        more=ALSO_ELSEWHERE if is_here_alone(endpoint) else "",
+        more=ALSO_ELSEWHERE if is_loopback(endpoint) else "",
     )

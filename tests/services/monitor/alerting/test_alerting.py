@@ -56,6 +56,11 @@ class Rig:
         return [(each.rule, each.state) for each in self.kept]
 
 
+def ahead(robot: str, ours_ns: int) -> int:
+    """Return what a robot's clock shows."""
+    return ours_ns + (S if robot == "r1" else 0)
+
+
 @asynccontextmanager
 async def rigged(
     tmp_path: Path,
@@ -69,7 +74,9 @@ async def rigged(
     rules = RuleFile(path)
     await rules.load()
     inventory = Inventory(TrustLimits(Debounce(*appear, 1, 0)))
-    alerting = Alerting(rules, inventory, hears(), settle_s=0, offer_s=offer_s, most_subjects=most_subjects)
+    alerting = Alerting(
+        rules, inventory, hears(), robot_ns=ahead, settle_s=0, offer_s=offer_s, most_subjects=most_subjects
+    )
     network = FakeNetwork()
     async with network.open_bus() as ours, network.open_bus() as theirs:
         made = Rig(alerting, rules, inventory, theirs)
@@ -119,6 +126,7 @@ async def test_an_alert_reaches_its_robot_and_the_store_and_makes_the_robot_act(
         assert alerts == rig.kept == rig.alerting.alerts()
         (action,) = actions
         assert isinstance(action, Action)
+        assert action.robot_ns == ahead("r1", action.sent_ns)
         assert (action.name, action.payload, action.rule) == ("pick_up", "pallet at r1/front", "a pallet")
         rig.alerting.acknowledge(rig.kept[0].id)
         rig.see()

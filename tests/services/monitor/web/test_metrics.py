@@ -54,6 +54,15 @@ async def test_health_of_a_monitor_that_hears_and_keeps(web: Web) -> None:
         assert (answer.status_code, answer.json()) == (200, {"status": "ok"})
 
 
+async def test_open_links_are_told_to_all(tmp_path: Path) -> None:
+    open_to_all = {"listen": ["tcp/0.0.0.0:7447"], "insecure": True}
+    async with web_in(tmp_path, **open_to_all) as web, web.stranger() as stranger, await web.program() as program:
+        answer = (await stranger.get("/healthz")).json()
+        assert answer["status"] == "ok"
+        assert answer["insecure"].startswith("links are open (--insecure)")
+        assert answer["insecure"] in (await program.get("/api/v1/status")).json()["problems"]
+
+
 async def test_a_dead_mesh_is_told_to_all_and_why_to_those_who_are_logged_in(web: Web) -> None:
     web.monitor.health._heard_s -= 2 * STALLED_S
     async with web.stranger() as stranger, await web.program() as program:

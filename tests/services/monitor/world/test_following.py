@@ -11,6 +11,7 @@ import pytest
 from bus import Bus, Publisher, QoS, RefusedError, Reply, Request
 from bus.fake import FakeNetwork
 from schemas import codec, worker_keys
+from schemas.worker_keys import WorldStream
 from schemas.world import ChangeKind, FloorLooks, WorldAnswer, WorldChanges, WorldObject, WorldRequest
 from services.monitor.map.sites import Sites
 from services.monitor.world.following import follow_world
@@ -20,7 +21,7 @@ from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.world.test_conditions import looks
 from tests.services.monitor.world.test_site_objects import DOCK, change, changes, thing
 
-KEY = worker_keys.world_changes("hall")
+KEY = worker_keys.world_key("hall", WorldStream.CHANGES)
 
 
 @dataclass
@@ -71,7 +72,9 @@ async def hall_of(model: Model, *, serves: bool = True) -> AsyncIterator[Hall]:
     async with AsyncExitStack() as stack:
         theirs, ours = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
         if serves:
-            await stack.enter_async_context(theirs.serve(worker_keys.world_objects("hall"), model.answer))
+            await stack.enter_async_context(
+                theirs.serve(worker_keys.world_key("hall", WorldStream.OBJECTS), model.answer)
+            )
         told = await stack.enter_async_context(
             theirs.publisher(KEY, QoS.RESULT, encoding=codec.encoding(WorldChanges), kept=100)
         )
@@ -130,7 +133,7 @@ async def test_the_floor_is_asked_for_while_a_rule_needs_it() -> None:
     async def answer(_: Request) -> Reply:
         return Reply(codec.encode(looks([[7] * 4] * 4)), codec.encoding(FloorLooks))
 
-    async with hall_of(Model()) as hall, hall.bus.serve(worker_keys.world_floor("hall"), answer):
+    async with hall_of(Model()) as hall, hall.bus.serve(worker_keys.world_key("hall", WorldStream.FLOOR), answer):
         objects = hall.world.sites["hall"]
         await until(lambda: not objects.is_behind)
         assert not objects.floor

@@ -1,0 +1,56 @@
+"""Who may do what at a router: reads its rules, and refuses to let everybody in unless that is meant."""
+
+import json
+from collections.abc import Mapping
+from typing import Any, Final
+
+from bus.errors import BusError
+from bus.session.links import is_loopback
+from bus.settings import WITH_TLS, BusSettings
+
+RULES: Final = frozenset({"enabled", "default_permission", "rules", "subjects", "policies"})
+"""Fields of Zenoh's access control."""
+
+
+def open_endpoints(settings: BusSettings) -> list[str]:
+    """Return the endpoints at which other machines may do anything: without certificates, or rules for them."""
+    safe = WITH_TLS if settings.access is not None else ()
+    return [each for each in settings.listen if not (each.startswith(safe) or is_loopback(each))]
+
+
+def check_closed(settings: BusSettings) -> None:
+    """Check that no other machine is let in unless certificates and rules say who it is.
+
+    Raises:
+        BusError: one is, and nobody said that this is meant.
+    """
+    if settings.insecure or not (endpoints := open_endpoints(settings)):
+        return
+    first = endpoints[0]
+    if first.startswith(WITH_TLS):
+        risk, cure = "whoever has a certificate of the fleet could send as any robot", "give rules with --access"
+    else:
+        risk, cure = "anybody who reaches it could send as any robot, and read everything", "use tls/ and --access"
+    raise BusError(f"listen {first}: {risk}; {cure} (docs/security.md), or --insecure where nobody else gets there")
+
+
+def read_access(settings: BusSettings) -> Mapping[str, Any] | None:
+    """Return the rules of a router's access control, None if it has none.
+
+    Raises:
+        BusError: they cannot be read.
+    """
+    if settings.access is None:
+        return None
+    said = f"access {settings.access}"
+    try:
+        rules = json.loads(settings.access.read_bytes())
+    except OSError as error:
+        raise BusError(f"{said}: {error.strerror or error}") from error
+    except ValueError as error:
+        raise BusError(
+            f"{said}: no JSON; `fleetsight access fleet.yaml --to {settings.access.name}` makes it"
+        ) from error
+    if not isinstance(rules, dict) or not rules.keys() >= RULES:
+        raise BusError(f"{said}: no rules; `fleetsight access fleet.yaml --to {settings.access.name}` makes them")
+    return rules

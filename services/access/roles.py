@@ -1,0 +1,102 @@
+"""Roles of a fleet: under which keys each may send, answer, ask, listen, and show or watch presence. Pure.
+
+A permission on a key expression holds for messages whose own expression lies within it. `$*` stands for any text within
+a chunk: a worker's name begins with the name of its certificate.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+ALL: Final = ("fleet/**", "workers/**", "services/**", "world/**")
+PRESENCE: Final = ("fleet/**", "workers/**")
+WANTED: Final = ("fleet/*/**/wanted/*/*",)
+
+
+class Role(StrEnum):
+    """What a certificate is for. A robot's has no role in the file: its name is among the robots."""
+
+    DETECTOR = "detector"
+    SPACE = "space"
+    WORLDMODEL = "worldmodel"
+    MONITOR = "monitor"
+    OPERATOR = "operator"
+    OBSERVER = "observer"
+
+
+@dataclass(frozen=True, slots=True)
+class Permissions:
+    """Key expressions by what may be done under them.
+
+    sends: put, delete, answer queries. asks: queries. hears: subscriptions, and the queries for what is kept. shows:
+    presence tokens. watches: others' presence. learns: that somebody subscribes or answers, which a process that is
+    itself a router is told of.
+    """
+
+    sends: tuple[str, ...] = ()
+    asks: tuple[str, ...] = ()
+    hears: tuple[str, ...] = ()
+    shows: tuple[str, ...] = ()
+    watches: tuple[str, ...] = ()
+    learns: tuple[str, ...] = ALL
+
+    def __or__(self, other: "Permissions") -> "Permissions":
+        """Return what either permits."""
+        return Permissions(
+            *(
+                tuple(dict.fromkeys((*getattr(self, name), *getattr(other, name))))
+                for name in ("sends", "asks", "hears", "shows", "watches", "learns")
+            )
+        )
+
+
+def of_robot(name: str) -> Permissions:
+    """Return the permissions of a robot's gateway, and of all that connects through it: they speak for it alone."""
+    return Permissions(
+        sends=(f"fleet/{name}/**", f"workers/*/{name}-$*/status"),
+        asks=(f"fleet/{name}/**",),
+        hears=(f"fleet/{name}/**",),
+        shows=(f"fleet/{name}/**", f"workers/*/*/*/{name}/alive", f"workers/*/*/serves/{name}/*"),
+        watches=(f"fleet/{name}/**", "workers/**"),
+    )
+
+
+def of_role(role: Role, name: str) -> Permissions:
+    """Return the permissions of a role for who has the certificate of this name."""
+    match role:
+        case Role.DETECTOR:
+            return _worker(
+                name,
+                services=("detector", "opinion"),
+                results=("detections", "classes", "opinion", "overlay/detection", "overlay/segmentation", "budget"),
+                more=(f"services/detector/infer/{name}-$*",),
+            )
+        case Role.SPACE:
+            return _worker(name, services=("distance", "cloud"), results=("distances", "view", "objects", "budget"))
+        case Role.WORLDMODEL:
+            return _worker(name, services=("worldmodel",), results=(), more=("world/**", "fleet/*/nearby"))
+        case Role.MONITOR:
+            sends = ("fleet/*/alerts", "fleet/*/actions", "services/monitor/**")
+            return Permissions(sends=sends, asks=ALL, hears=ALL, shows=WANTED, watches=PRESENCE)
+        case Role.OPERATOR:
+            return Permissions(asks=ALL, hears=ALL, shows=WANTED, watches=PRESENCE)
+        case Role.OBSERVER:
+            return Permissions(hears=("fleet/*/*/classes",), watches=("fleet/*/*/classes/alive",), learns=())
+
+
+def _worker(
+    name: str, *, services: tuple[str, ...], results: tuple[str, ...], more: tuple[str, ...] = ()
+) -> Permissions:
+    """Return what workers may do: read the fleet, send their kind of results, and be present under their own names."""
+    own = tuple(f"workers/{service}/{name}-$*" for service in services)
+    return Permissions(
+        sends=(
+            *(f"fleet/*/*/{result}" for result in results),
+            *(f"{each}/{end}" for each in own for end in ("status", "settings")),
+            *more,
+        ),
+        asks=(*PRESENCE, "world/**"),
+        hears=(*PRESENCE, "world/**"),
+        shows=(*WANTED, *(f"{each}/**" for each in own)),
+        watches=PRESENCE,
+    )

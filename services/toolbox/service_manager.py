@@ -1,0 +1,41 @@
+"""Tells the service manager (systemd) that this process runs, and that its event loop still turns: sd_notify(3)."""
+
+import asyncio
+import contextlib
+import os
+import socket
+from collections.abc import MutableMapping
+from typing import Final
+
+MICROSECONDS: Final = 1_000_000
+SOCKET: Final = "NOTIFY_SOCKET"
+INTERVAL: Final = "WATCHDOG_USEC"
+WATCHED: Final = "WATCHDOG_PID"
+
+
+async def report(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Report READY=1, then WATCHDOG=1 twice per interval that the manager waits for, and STOPPING=1 when cancelled.
+
+    Returns at once where no manager listens. The manager's variables are removed from the environment, because child
+    processes must not speak for this one.
+    """
+    address = environment.pop(SOCKET, "")
+    interval_s = int(environment.pop(INTERVAL, "0")) / MICROSECONDS
+    watched = environment.pop(WATCHED, "")
+    if not address:
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as manager:
+
+        def say(state: bytes) -> None:
+            with contextlib.suppress(OSError):  # the manager restarts, or does not read: it asks for no more
+                manager.sendto(state, address.replace("@", "\0", 1) if address.startswith("@") else address)
+
+        say(b"READY=1")
+        try:
+            if not interval_s or watched not in ("", str(os.getpid())):
+                await asyncio.Event().wait()
+            while True:
+                say(b"WATCHDOG=1")
+                await asyncio.sleep(interval_s / 2)
+        finally:
+            say(b"STOPPING=1")

@@ -1,0 +1,102 @@
+"""Podman with a store of its own, and images made by the Containerfile without network."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from tests.deploy.machine import ROOT, checked
+from tests.deploy.units import DEPLOY
+
+PYTHON: Final = "localhost/python:debian"
+CONFIGURATION: Final = """
+[containers]
+default_ulimits = ["nofile=10000:10000", "nproc=10000:10000"]
+log_driver = "k8s-file"
+[engine]
+runtime = "runc"
+cgroup_manager = "cgroupfs"
+events_logger = "file"
+"""
+"""Runs where there is no systemd, with hybrid cgroups, and where limits cannot be raised."""
+
+DEADLINE_S: Final = 300
+
+
+COMPOSE: Final = (sys.executable, "-m", "podman_compose")
+
+
+class Podman:
+    """Runs podman and podman-compose."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        (folder / "containers.conf").write_text(CONFIGURATION, encoding="utf-8")
+        storage = f'[storage]\ndriver = "overlay"\ngraphroot = "{folder}/store"\nrunroot = "{folder}/run"\n'
+        (folder / "storage.conf").write_text(storage, encoding="utf-8")
+        self._environment = {
+            **os.environ,
+            "CONTAINERS_CONF": str(folder / "containers.conf"),
+            "CONTAINERS_STORAGE_CONF": str(folder / "storage.conf"),
+        }
+
+    def run(self, *command: str | Path, program: Sequence[str] = ("podman",)) -> str:
+        """Return the output of `podman command`; fail with it where podman fails."""
+        ended = subprocess.run(
+            [*program, *command],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=self._environment,
+            timeout=DEADLINE_S,
+        )
+        assert ended.returncode == 0, f"{command}: {ended.stdout[-2000:]}{ended.stderr[-4000:]}"
+        return ended.stdout
+
+    def logs(self, container: str, *options: str) -> str:
+        """Return all that a container wrote."""
+        command = ["podman", "logs", *options, container]
+        return subprocess.run(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False, env=self._environment
+        ).stdout
+
+    def compose(self, *command: str) -> str:
+        """Return the output of podman-compose with the project's file."""
+        return self.run("--in-pod", "false", "--file", DEPLOY / "compose.yaml", *command, program=COMPOSE)
+
+    def build(self, target: str, wheels: Path) -> str:
+        """Make an image of the Containerfile; return its name."""
+        name = f"localhost/fleetsight-{target}"
+        offline = ["--build-arg", "PIP_OPTIONS=--no-index --find-links=/wheels", "--volume", f"{wheels}:/wheels:ro"]
+        here = ["--isolation", "chroot", "--network", "host", "--format", "docker", "--build-arg", f"PYTHON={PYTHON}"]
+        self.run(
+            "build",
+            "--quiet",
+            *here,
+            *offline,
+            "--file",
+            DEPLOY / "Containerfile",
+            "--target",
+            target,
+            "--tag",
+            name,
+            ROOT,
+        )
+        return name
+
+    def once(self, image: str, *command: str, entry: str = "fleetsight") -> str:
+        """Return the output of a command in a container that can write nothing and has no rights."""
+        confined = ["--read-only", "--cap-drop=all", "--security-opt=no-new-privileges", "--network=none"]
+        return self.run("run", "--rm", "--pull=never", *confined, f"--entrypoint={entry}", image, *command)
+
+    def close(self) -> None:
+        """Remove everything."""
+        reset = ["podman", "system", "reset", "--force"]
+        subprocess.run(reset, capture_output=True, check=False, env=self._environment)
+        overlay = self._folder / "store" / "overlay"
+        if overlay.is_mount():
+            checked("umount", overlay)
+        shutil.rmtree(self._folder, ignore_errors=True)

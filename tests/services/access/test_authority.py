@@ -1,0 +1,174 @@
+"""`fleetsight pki`: what it makes, OpenSSL checks."""
+
+import os
+import re
+import stat
+import subprocess
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from services.access.authority import Authority, AuthorityError
+from services.access.process import AccessError, run_access, run_pki
+from services.access.settings import AccessSettings, PkiSettings
+
+
+@pytest.fixture
+def authority(tmp_path: Path) -> Authority:
+    made = Authority(tmp_path / "pki")
+    made.make()
+    return made
+
+
+def openssl(*arguments: str | Path) -> str:
+    return subprocess.run(["openssl", *arguments], check=True, capture_output=True, text=True).stdout
+
+
+def verified(authority: Authority, certificate: Path) -> bool:
+    command = ["openssl", "verify", "-x509_strict", "-CAfile", str(authority.folder / "ca.pem"), str(certificate)]
+    return subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+def test_a_certificate_is_for_its_name_and_hosts_and_signs_no_others(authority: Authority) -> None:
+    made = authority.issue("central", ["10.0.0.1", "central.example"], 90)
+    assert verified(authority, made)
+    text = openssl("x509", "-in", made, "-noout", "-text")
+    assert "Subject: CN = central" in text
+    names = "DNS:central, DNS:localhost, IP Address:127.0.0.1, IP Address:10.0.0.1, DNS:central.example"
+    assert names in text
+    assert "CA:FALSE" in text
+    own = openssl("pkey", "-in", made.with_suffix(".key"), "-pubout")
+    assert own == openssl("x509", "-in", made, "-noout", "-pubkey")
+
+
+def test_nobody_else_may_read_a_key(authority: Authority) -> None:
+    before = os.umask(0)
+    try:
+        made = authority.issue("r1", [], 90)
+    finally:
+        os.umask(before)
+    for key in (made.with_suffix(".key"), authority.folder / "ca.key"):
+        assert stat.S_IMODE(key.stat().st_mode) == 0o600
+    assert stat.S_IMODE(authority.folder.stat().st_mode) == 0o700
+
+
+def test_a_renewed_certificate_has_the_same_key_and_hosts_and_more_time(authority: Authority) -> None:
+    made = authority.issue("r1", ["10.0.0.7"], 5)
+    key = made.with_suffix(".key").read_bytes()
+    before = next(each for each in authority.all() if each.name == "r1")
+    authority.renew("r1", 90)
+    after = next(each for each in authority.all() if each.name == "r1")
+    assert made.with_suffix(".key").read_bytes() == key
+    assert (after.hosts, after.until - before.until > timedelta(days=80)) == (before.hosts, True)
+    assert verified(authority, made)
+
+
+def test_what_the_authority_signed_is_good_after_its_own_renewal(authority: Authority) -> None:
+    made = authority.issue("r1", [], 5)
+    authority.renew("ca", 90)
+    assert verified(authority, made)
+
+
+def test_a_revoked_name_is_not_given_again_before_its_certificate_ends(authority: Authority) -> None:
+    made = authority.issue("r1", [], 5)
+    revoked = authority.revoke("r1")
+    assert revoked.until > datetime.now(UTC)
+    assert not made.exists()
+    assert not made.with_suffix(".key").exists()
+    with pytest.raises(
+        AuthorityError, match=f"r1 is revoked, and that certificate is good until {revoked.until:%Y-%m-%d}"
+    ):
+        authority.issue("r1", [], 5)
+    assert [each.name for each in authority.all() if each.revoked] == ["r1"]
+
+
+def test_a_name_whose_revoked_certificate_has_ended_is_free(authority: Authority) -> None:
+    authority.issue("r1", [], 0.001 / 86_400)
+    authority.revoke("r1")
+    assert verified(authority, authority.issue("r1", [], 5))
+
+
+@pytest.mark.parametrize(
+    ("act", "reason"),
+    [
+        (lambda of: of.make(), "a second authority would not know its certificates"),
+        (lambda of: of.issue("r1", [], 1), "there is a certificate of r1: renew it, or revoke it"),
+        (lambda of: of.issue("ca", [], 1), "ca is the authority's own name"),
+        (lambda of: of.renew("r2", 1), "there is no certificate of r2"),
+        (lambda of: of.revoke("r2"), "there is no certificate of r2"),
+        (lambda of: Authority(of.folder / "other").issue("r1", [], 1), "`fleetsight pki init` makes one"),
+        (lambda of: list(Authority(of.folder / "other").all()), "`fleetsight pki init` makes one"),
+    ],
+)
+def test_what_cannot_be_done_is_told(authority: Authority, act: Callable[[Authority], object], reason: str) -> None:
+    authority.issue("r1", [], 1)
+    with pytest.raises(AuthorityError, match=re.escape(reason)):
+        act(authority)
+
+
+@pytest.mark.parametrize("file", ["ca.key", "ca.pem", "r1.pem"])
+def test_a_damaged_file_is_named(authority: Authority, file: str) -> None:
+    authority.issue("r1", [], 1)
+    (authority.folder / file).write_text("garbage")
+    with pytest.raises(AuthorityError, match=file):
+        authority.renew("r1", 1)
+
+
+async def pki(folder: Path, *given: Mapping[str, object]) -> None:
+    for each in given:
+        await run_pki(PkiSettings.model_validate({**each, "folder": folder}))
+
+
+async def test_the_commands_say_what_they_did(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "pki"
+    await pki(folder, {"task": "init"}, {"task": "issue", "name": "r1", "days": 5})
+    await pki(
+        folder, *({"task": task, "name": name} for task, name in (("issue", "r2"), ("issue", "r3"), ("revoke", "r3")))
+    )
+    capsys.readouterr()
+    await run_pki(PkiSettings(task="list", folder=folder))
+    states = {line.split()[0]: line[25:36].strip() for line in capsys.readouterr().out.splitlines()}
+    assert states == {"ca": "good", "r1": "renew soon", "r2": "good", "r3": "revoked"}
+    await run_pki(PkiSettings(task="renew", folder=folder))
+    assert capsys.readouterr().out == f"{folder}/r1.pem: renewed\n"
+    await run_pki(PkiSettings(task="renew", folder=folder))
+    assert capsys.readouterr().out == "none ends within 30 days\n"
+
+
+async def test_a_failure_is_one_error(tmp_path: Path) -> None:
+    with pytest.raises(AccessError, match="pki init"):
+        await run_pki(PkiSettings(task="list", folder=tmp_path))
+    (tmp_path / "fleet.yaml").write_text("robots: [r2..r1]")
+    with pytest.raises(AccessError, match=r"fleet.yaml, line 1: robots.0"):
+        await run_access(AccessSettings(fleet=tmp_path / "fleet.yaml"))
+
+
+async def test_rules_deny_who_is_revoked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "pki"
+    tasks = (("issue", "r1"), ("issue", "other"), ("revoke", "r1"), ("revoke", "other"))
+    await pki(folder, {"task": "init"}, *({"task": task, "name": name} for task, name in tasks))
+    (tmp_path / "fleet.yaml").write_text("robots: [r1, r2]")
+    capsys.readouterr()
+    await run_access(AccessSettings(fleet=tmp_path / "fleet.yaml", folder=folder))
+    said = capsys.readouterr().out
+    assert '"r2"' in said
+    assert '"r1"' not in said
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ({"task": "issue"}, "issue needs a name"),
+        ({"task": "init", "name": "r1"}, "init takes no --name"),
+        ({"task": "revoke", "name": "r1", "days": 5}, "revoke takes no --days"),
+        ({"task": "issue", "name": "a b"}, "certificate name 'a b'"),
+        ({"task": "issue", "name": "r1", "hosts": ["a b"]}, "'a b' is neither a host's name nor an address"),
+        ({"task": "issue", "name": "r1", "days": 900}, "less than or equal to 825"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(given: dict[str, object], reason: str) -> None:
+    with pytest.raises(ValidationError, match=reason):
+        PkiSettings.model_validate(given)

@@ -1,0 +1,157 @@
+"""A real router, real certificates: what each role may send, answer and show; all else comes to nothing."""
+
+import time
+from collections.abc import Callable
+
+import pytest
+import zenoh
+
+from services.access.roles import ALL
+from tests.services.access.links import (
+    ANSWER_S,
+    QUIET_S,
+    Fleet,
+    Seen,
+    until_matching,
+)
+
+SENT = [
+    ("r1", "fleet/r1/front/color", True),
+    ("r1", "fleet/r1/status", True),
+    ("r1", "workers/distance/r1-12-ab/status", True),
+    ("r1", "fleet/r2/front/color", False),
+    ("r1", "fleet/*/front/color", False),
+    ("r1", "fleet/**", False),
+    ("r1", "**", False),
+    ("r1", "workers/distance/r2-12-ab/status", False),
+    ("r1", "workers/detector/gpu1-12-ab/status", False),
+    ("r1", "services/monitor/central/pulse", False),
+    ("r1", "world/main/changes", False),
+    ("r3", "fleet/r3/front/color", False),
+    ("gpu1", "fleet/r1/front/classes", True),
+    ("gpu1", "fleet/r2/front/overlay/detection", True),
+    ("gpu1", "workers/detector/gpu1-12-ab/status", True),
+    ("gpu1", "fleet/r1/front/color", False),
+    ("gpu1", "fleet/r1/actions", False),
+    ("gpu1", "fleet/r1/alerts", False),
+    ("gpu1", "fleet/r1/status", False),
+    ("gpu1", "fleet/r1/front/distances", False),
+    ("gpu1", "workers/detector/gpu2-12-ab/status", False),
+    ("rack1", "fleet/r1/front/distances", True),
+    ("rack1", "fleet/r1/front/objects", True),
+    ("rack1", "fleet/r1/front/classes", False),
+    ("rack1", "fleet/r1/nearby", False),
+    ("world1", "world/main/changes", True),
+    ("world1", "fleet/r1/nearby", True),
+    ("world1", "fleet/r1/front/classes", False),
+    ("world1", "fleet/r1/actions", False),
+    ("central2", "fleet/r1/actions", True),
+    ("central2", "fleet/r1/alerts", True),
+    ("central2", "fleet/r1/front/classes", False),
+    ("central2", "world/main/changes", False),
+    ("ann", "fleet/r1/actions", False),
+    ("ann", "fleet/r1/front/classes", False),
+    ("wall", "fleet/r1/front/classes", False),
+    ("wall", "services/monitor/central/pulse", False),
+    ("stranger", "fleet/stranger/front/color", False),
+]
+
+
+@pytest.mark.parametrize(("name", "key", "allowed"), SENT)
+@pytest.mark.parametrize("kind", ["put", "delete", "declared"])
+def test_what_it_sends(fleet: Fleet, name: str, key: str, kind: str, allowed: bool) -> None:  # noqa: FBT001
+    session = fleet.members[name]
+    publisher = session.declare_publisher(key) if kind == "declared" else None
+    act: Callable[[], object] = {
+        "put": lambda: session.put(key, b"x"),
+        "delete": lambda: session.delete(key),
+        "declared": lambda: publisher and publisher.put(b"x"),
+    }[kind]
+    seen = Seen()
+    subscribers = [fleet.central.declare_subscriber(expression, seen) for expression in ALL]
+    try:
+        if publisher is not None:
+            until_matching(publisher, expected=allowed)
+        heard = seen.after(act, expected=int(allowed))
+        assert heard == ([key] if allowed else [])
+    finally:
+        for subscriber in subscribers:
+            subscriber.undeclare()
+        if publisher is not None:
+            publisher.undeclare()
+
+
+ANSWERED = [
+    ("r1", "fleet/r1/clock", True),
+    ("r1", "fleet/r2/clock", False),
+    ("r1", "services/monitor/inventory", False),
+    ("r1", "world/main/objects", False),
+    ("gpu1", "services/detector/infer/gpu1-12-ab", True),
+    ("gpu1", "workers/detector/gpu1-12-ab/settings", True),
+    ("gpu1", "services/detector/infer/gpu2-12-ab", False),
+    ("gpu1", "fleet/r1/clock", False),
+    ("rack1", "fleet/r1/service/reset", False),
+    ("world1", "world/main/objects", True),
+    ("world1", "services/monitor/inventory", False),
+    ("central2", "services/monitor/inventory", True),
+    ("ann", "services/monitor/inventory", False),
+    ("wall", "world/main/objects", False),
+    ("stranger", "fleet/r1/clock", False),
+]
+
+
+@pytest.mark.parametrize(("name", "key", "allowed"), ANSWERED)
+def test_what_it_answers(fleet: Fleet, name: str, key: str, allowed: bool) -> None:  # noqa: FBT001
+    queryable = fleet.members[name].declare_queryable(key, lambda query: query.reply(key, b"x"))
+    end = time.monotonic() + (10 if allowed else QUIET_S)
+    replies: list[str] = []
+    try:
+        while not replies and time.monotonic() < end:
+            replies = [str(reply.ok.key_expr) for reply in fleet.central.get(key, timeout=ANSWER_S) if reply.ok]
+        assert replies == ([key] if allowed else [])
+    finally:
+        queryable.undeclare()
+
+
+SHOWN = [
+    ("r1", "fleet/r1/alive", True),
+    ("r1", "fleet/r1/front/color/alive", True),
+    ("r1", "workers/distance/r1-12-ab/1/r1/alive", True),
+    ("r1", "workers/distance/r1-12-ab/serves/r1/front", True),
+    ("r1", "fleet/r2/alive", False),
+    ("r1", "fleet/r2/front/color/wanted/here/x", False),
+    ("r1", "workers/distance/r1-12-ab/1000/-/alive", False),
+    ("r1", "workers/distance/r1-12-ab/1/r2/alive", False),
+    ("r1", "workers/detector/gpu1-12-ab/serves/r2/front", False),
+    ("r3", "fleet/r3/alive", False),
+    ("gpu1", "workers/detector/gpu1-12-ab/1/-/alive", True),
+    ("gpu1", "fleet/r1/front/color/wanted/here/x", True),
+    ("gpu1", "workers/detector/gpu2-12-ab/1/-/alive", False),
+    ("gpu1", "workers/distance/gpu1-12-ab/1/-/alive", False),
+    ("gpu1", "fleet/r1/alive", False),
+    ("gpu1", "fleet/r1/front/color/alive", False),
+    ("world1", "workers/worldmodel/world1-12-ab/1/-/alive", True),
+    ("world1", "fleet/r1/alive", False),
+    ("central2", "fleet/r1/front/color/wanted/here/x", True),
+    ("central2", "fleet/r1/alive", False),
+    ("ann", "fleet/r1/alive", False),
+    ("wall", "fleet/r1/front/color/wanted/here/x", False),
+    ("wall", "workers/detector/wall-12-ab/1/-/alive", False),
+    ("stranger", "fleet/stranger/alive", False),
+]
+
+
+@pytest.mark.parametrize(("name", "key", "allowed"), SHOWN)
+def test_what_presence_it_shows(fleet: Fleet, name: str, key: str, allowed: bool) -> None:  # noqa: FBT001
+    seen = Seen()
+    watching = fleet.central.liveliness().declare_subscriber("**", seen)
+    tokens: list[zenoh.LivelinessToken] = []
+    try:
+        shown = seen.after(
+            lambda: tokens.append(fleet.members[name].liveliness().declare_token(key)), expected=int(allowed)
+        )
+        assert shown == ([key] if allowed else [])
+    finally:
+        for token in tokens:
+            token.undeclare()
+        watching.undeclare()
