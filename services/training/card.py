@@ -206,10 +206,10 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, ref
         pictures=near.pictures,
         iou=MATCHING_IOU,
         confidence=CONFIDENCE,
-        refiner=_REFINER.format(objects=refined, **settings.model_dump()) if refined else "",
+        refiner=_REFINER.format(objects=refined, **values) if refined else "",
         unrefined=_without(masks.by_score, figures.unrefined),
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
-        **settings.model_dump(exclude={"device", "data"}),
+        **{name: value for name, value in values.items() if name != "device"},
     )
 
 

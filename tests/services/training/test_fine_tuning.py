@@ -89,6 +89,35 @@ def test_a_folder_without_photographs_is_named_before_anything_is_rendered(tmp_p
     assert not (settings.work_dir / "data").exists()
 
 
+@pytest.mark.parametrize(
+    ("file", "content", "message"),
+    [
+        ("licences.txt", "rendered AGPL-3.0", r"licences\.txt: not a source"),
+        ("val/labels/rendered_1.txt", "0 0.1", r"rendered_1\.txt, line 1"),
+        ("val/images/rendered_1.jpg", "no picture", r"rendered_1\.jpg: not a picture"),
+    ],
+)
+def test_what_only_the_evaluation_needs_is_read_before_anything_is_rendered(
+    tmp_path: Path, file: str, content: str, message: str
+) -> None:
+    folder = photographs(tmp_path / "data")
+    (folder / file).write_text(content)
+    settings = settings_for(tmp_path, data=[folder])
+    with pytest.raises(TrainingError, match=message):
+        train(settings, lambda *_: None, open_weights, REFINEMENT)
+    assert not (settings.work_dir / "data").exists()
+
+
+def test_photographs_to_train_on_alone_are_not_enough(tmp_path: Path) -> None:
+    folder = photographs(tmp_path / "data")
+    (folder / "train").unlink()
+    (folder / "val").rename(folder / "train")
+    settings = settings_for(tmp_path, data=[folder])
+    with pytest.raises(TrainingError, match="data: no pictures in val/images or test/images"):
+        train(settings, lambda *_: None, open_weights, REFINEMENT)
+    assert not (settings.work_dir / "data").exists()
+
+
 def test_weights_that_cannot_be_read_are_named_before_anything_is_rendered(tmp_path: Path) -> None:
     garbage = tmp_path / "garbage.pt"
     garbage.write_bytes(b"nothing of the kind")
