@@ -22,6 +22,7 @@ from services.training.evaluation.predictor import CONFIDENCE
 from services.training.evaluation.scenes import held_out_seeds
 from services.training.evaluation.truths import MIN_VISIBILITY
 from services.training.fitting import device_name
+from services.training.mixing import EMPTY_REPEATS
 from services.training.settings import DECISIVE, TrainingSettings
 
 
@@ -66,8 +67,8 @@ Made, and this page written, by one command:
     {command}
 
 - Seed {seed}; {images} images of 640x480, two of each scene, batch {batch}{scratch}.
-{mixed}{refiner}- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time,
-  rendering included, with {workers} workers on device {device}.
+{mixed}{averaged}{refiner}- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor
+  time, rendering included, with {workers} workers on device {device}.
 - Python {python}, {versions}.
 
 ## On scenes that it was not trained on
@@ -120,7 +121,12 @@ _FROM_SCRATCH: Final = """: {coarse_epochs} epochs at half
 _MIXED: Final = """\
 - {data_epochs} epochs of these together with photographs, in about equal parts, varied in colour, size and place;
   classes that a source does not label count neither for nor against a prediction, and where boxes alone are known
-  masks do not count.
+  masks do not count. The learning rate began at {data_rate:g}; photographs without any of the classes were shown
+  {empty_repeats} times as often as others.
+"""
+
+_AVERAGED: Final = """\
+- The weights are the average of those trained so and, with a share of {keep:.2f}, of those that the run began with.
 """
 
 _UNSEEN: Final = """\
@@ -182,7 +188,8 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, ref
         command=_command(settings),
         origin=_origin(settings),
         scratch="" if settings.start else _FROM_SCRATCH.format(**values),
-        mixed=_MIXED.format(**values) if settings.data else "",
+        mixed=_MIXED.format(empty_repeats=EMPTY_REPEATS, **values) if settings.data else "",
+        averaged=_AVERAGED.format(**values) if settings.keep else "",
         limits=_SEEN if settings.data else _UNSEEN,
         photographs=_photographs(figures),
         wall_min=effort.wall_s / 60,

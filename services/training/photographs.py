@@ -67,6 +67,11 @@ class Photograph:
         return self.labelled | self.absent
 
     @property
+    def empty(self) -> bool:
+        """Whether none of the classes is in it."""
+        return not self.objects and self.known == ALL_CLASSES
+
+    @property
     def unknown(self) -> frozenset[int]:
         return ALL_CLASSES - self.known
 

@@ -80,7 +80,7 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
             workers=settings.workers,
         )
         mix = write_mix(work_dir / "mix", photographs.training, rendered(dataset)) if settings.data else None
-        checkpoint, unrefined = fit(settings, dataset, progress, mix), work_dir / "unrefined.pt"
+        checkpoint, unrefined = _averaged(settings, fit(settings, dataset, progress, mix)), work_dir / "unrefined.pt"
         write_weights(checkpoint, unrefined, settings.imgsz)
         refined = refine(settings, unrefined, refinement, progress)
         write_weights(checkpoint, settings.output, settings.imgsz, refined.kept)
@@ -88,6 +88,15 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
         figures = evaluate(settings, progress, load, photographs, unrefined if refined.kept else None)
     card = model_card(settings, figures, effort_so_far(record), refined.objects)
     settings.output.with_suffix(".md").write_text(card)
+
+
+def _averaged(settings: TrainingSettings, checkpoint: Path) -> Path:
+    """Average a checkpoint with the weights that the run began with, as far as these are to be kept."""
+    if settings.start is None or not settings.keep:
+        return checkpoint
+    averaged = settings.work_dir / "averaged.pt"
+    Checkpoint.read(checkpoint).averaged(Checkpoint.read(settings.start), settings.keep).write(averaged, {})
+    return averaged
 
 
 def evaluate(
