@@ -2,6 +2,7 @@
 
 import platform
 import resource
+import textwrap
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -140,6 +141,8 @@ of photographs says, at best; train on pictures of your own site before you rely
 _PHOTOGRAPHS: Final = """
 ## On photographs that it was not trained on
 
+{summary}
+
 At the same confidence, boxes with an IoU of at least {iou:.1f}; of each source only the classes that it labels.
 False alarms are predictions per picture where none of the classes is.
 
@@ -242,7 +245,21 @@ def _photographs(figures: Figures) -> str:
     rows = [row for source, score in sorted(figures.photographs.items()) for row in _photograph_rows(source, score)]
     lines = [f"- `{source}`: {licence}\n" for source, licence in sorted(figures.licences.items())]
     licences = f"\nThe photographs' sources and their licences as stated there:\n\n{''.join(lines)}" if lines else ""
-    return _PHOTOGRAPHS.format(iou=MATCHING_IOU, rows="\n".join(rows), licences=licences)
+    summary = _in_words(figures.photographs["all"])
+    return _PHOTOGRAPHS.format(summary=summary, iou=MATCHING_IOU, rows="\n".join(rows), licences=licences)
+
+
+def _in_words(score: PhotographScore) -> str:
+    """Say in one sentence what a model does on real pictures."""
+    found = ", ".join(
+        f"{_share(each.recall)} of {each.labelled} labelled objects of the class {name} (precision"
+        f" {_share(each.precision)})"
+        for name, each in score.classes.items()
+        if each.labelled
+    )
+    rate = score.false_alarms_per_picture
+    alarms = "" if rate is None else f", with {rate:.2f} false alarms in a picture where none of the classes is"
+    return textwrap.fill(f"On {score.pictures} real pictures it found {found or 'nothing to find'}{alarms}.", 120)
 
 
 def _photograph_rows(source: str, score: PhotographScore) -> Iterator[str]:
@@ -275,6 +292,10 @@ def _averages(precision: Precision) -> tuple[float | None, float | None]:
 
 def _average(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0%}"
 
 
 def _row(*cells: object) -> str:
