@@ -81,12 +81,13 @@ def drawn(seed: int, count: int) -> HeldOutDrive:
     for number in range(count):
         image = filmed.measure(number, [Part.COLOR])[Part.COLOR]
         pose = drive.pose(filmed.fraction(number))
-        seen = [_seen(each) for each in truth_of(scene, render(scene, pose, SENSORS.color), pose, SENSORS.color)]
+        seen = [seen_of(each) for each in truth_of(scene, render(scene, pose, SENSORS.color), pose, SENSORS.color)]
         frames.append(DriveFrame(png=png_of(image), seen=seen))
     return HeldOutDrive(seed=seed, frames=frames)
 
 
-def _seen(found: SeenObject) -> Seen:
+def seen_of(found: SeenObject) -> Seen:
+    """Return a visible object as it is compared with detections."""
     return Seen(
         identity=found.instance,
         name=found.name,

@@ -6,30 +6,24 @@ distance service, is worked out each time.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import cv2
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from pycocotools import mask as coco
 
+from benchmarks.accuracy.drives import METRES_PER_SECOND, SENSORS, seen_of
+from benchmarks.accuracy.following import LEAST_IOU, mask_overlap
 from schemas.detections import Detection, Detections
 from schemas.header import Header
-from services.simulator.film import Equipment, Film, Part, Store
+from services.simulator.film import Film, Part, Store
 from services.simulator.placement import COLOR_OPTICAL, Placement, to_pose
-from services.simulator.world import Camera, Drive, Scene, SeenObject, generate, render_geometry, truth_of
+from services.simulator.world import Drive, Scene, SeenObject, generate, render_geometry, truth_of
 from services.training.evaluation.predictor import Predictor
-from services.training.evaluation.truths import mask_of
 from services.training.files import write_whole
 
-METRES_PER_SECOND: Final = 1.0
 CAMERA: Final = "camera"
-SIZE: Final = (640, 480)
-FIELD_RAD: Final = 1.2
-"""Of a simulated robot's camera, unless told otherwise."""
-
-LEAST_IOU: Final = 0.5
 NOTHING: Final = 0
 """Stands for no object."""
 
@@ -77,11 +71,6 @@ class RecordedRound(msgspec.Struct, frozen=True, kw_only=True):
     objects: list[TrueObject]
 
 
-def camera() -> Camera:
-    """Return the camera of all robots; depth is registered to colour."""
-    return Camera.with_field_of_view(*SIZE, FIELD_RAD)
-
-
 @dataclass(frozen=True, slots=True)
 class Recorder:
     """Records rounds, hz images a second, and keeps them in a folder.
@@ -109,7 +98,7 @@ def record(seed: int, number: int, hz: float, predict: Predictor) -> RecordedRou
     """Drive round `number` through the warehouse of `seed` at METRES_PER_SECOND and detect what is in each image."""
     scene = generate(seed)
     count = max(1, round(Drive.plan(scene, number).length / METRES_PER_SECOND * hz))
-    film = Film(seed, Equipment(camera()), count, hz, Store(limit=0), round=number)
+    film = Film(seed, SENSORS, count, hz, Store(limit=0), round=number)
     robot = f"r{number + 1}"
     objects: dict[int, TrueObject] = {}
     images = []
@@ -132,7 +121,12 @@ def record(seed: int, number: int, hz: float, predict: Predictor) -> RecordedRou
         images.append(
             RecordedImage(
                 detections=Detections(
-                    header=header, height=SIZE[1], width=SIZE[0], objects=found, model="", worker="recorder"
+                    header=header,
+                    height=SENSORS.color.height,
+                    width=SENSORS.color.width,
+                    objects=found,
+                    model="",
+                    worker="recorder",
                 ),
                 depth_png=png.tobytes(),
                 pose=placement.tolist(),
@@ -145,27 +139,19 @@ def record(seed: int, number: int, hz: float, predict: Predictor) -> RecordedRou
 
 def visible_in(scene: Scene, placement: Placement) -> tuple[SeenObject, ...]:
     """Return what a camera at a placement of its optical frame sees."""
-    pose = to_pose(placement)
-    return truth_of(scene, render_geometry(scene, pose, camera()), pose, camera())
+    pose, camera = to_pose(placement), SENSORS.color
+    return truth_of(scene, render_geometry(scene, pose, camera), pose, camera)
 
 
 def shown_by(found: list[Detection], seen: tuple[SeenObject, ...]) -> list[int]:
     """Return the number of the object that each detection's mask lies on best, NOTHING below LEAST_IOU."""
-    if not found or not seen:
+    if not seen:
         return [NOTHING] * len(found)
-    masks = [_rle(each.mask) if each.mask is not None else None for each in found]
-    true = [_rle(mask_of(each)) for each in seen]
-    shown = []
-    for each, mask in zip(found, masks, strict=True):
-        overlaps = coco.iou([mask], true, [0] * len(true))[0] if mask is not None else np.zeros(len(true))
-        same = np.array([other.name == each.name for other in seen])
-        best = int(np.where(same, overlaps, 0).argmax())
-        shown.append(seen[best].instance if same[best] and overlaps[best] >= LEAST_IOU else NOTHING)
-    return shown
-
-
-def _rle(mask: Any) -> dict[str, Any]:
-    return {"size": list(mask.size), "counts": mask.counts}
+    overlap = mask_overlap([seen_of(each) for each in seen], found)
+    return [
+        seen[best].instance if overlap[best, column] >= LEAST_IOU else NOTHING
+        for column, best in enumerate(overlap.argmax(axis=0).tolist())
+    ]
 
 
 def _true(seen: SeenObject) -> TrueObject:

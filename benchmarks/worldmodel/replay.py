@@ -8,7 +8,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.worldmodel.recording import RecordedImage, RecordedRound, camera
+from benchmarks.accuracy.drives import SENSORS
+from benchmarks.worldmodel.recording import RecordedImage, RecordedRound
 from schemas.distances import CameraView, Distances
 from services.distance.camera_views import Place, ViewMaker
 from services.distance.depth_readings import Criteria
@@ -74,7 +75,7 @@ class _Camera:
 
     def __init__(self) -> None:
         self._views = ViewMaker(Criteria(), "replay")
-        made = camera()
+        made = SENSORS.color
         lens = distortion_of("plumb_bob", [0.0] * 5)
         self._model = CameraModel(made.height, made.width, made.fx, made.fy, made.cx, made.cy, 0.0, lens)
 

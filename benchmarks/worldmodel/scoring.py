@@ -5,10 +5,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-import lap
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.accuracy.identities import assigned
 from benchmarks.worldmodel.recording import NOTHING, RecordedImage, TrueObject
 
 LEAST_SHARE: Final = 0.001
@@ -20,7 +20,8 @@ REACH_M: Final = {"forklift": 1.0}
 REACH_ELSE_M: Final = 0.5
 """How far the centre of what was found may be from a true object's, by class."""
 
-FAR: Final = 1e6
+FAR_M: Final = 1e6
+"""A distance next to which reaches are nothing: a pair more outweighs all that others are nearer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,10 +119,8 @@ def matched(found: Sequence[FoundObject], true: Sequence[TrueObject]) -> list[tu
     places = np.array([each.centre[:axes] for each in true])
     reach = np.array([REACH_M.get(each.name, REACH_ELSE_M) for each in true])
     apart = np.linalg.norm(there[:, None] - places[None], axis=2)
-    cost = np.where(apart <= reach, apart, FAR)
-    _, columns, _ = lap.lapjv(cost, extend_cost=True)
-    pairs = ((row, int(column)) for row, column in enumerate(columns) if column >= 0)
-    return [(row, column, float(apart[row, column])) for row, column in pairs if cost[row, column] < FAR]
+    pairs = assigned(np.where(apart <= reach, FAR_M - apart, 0.0))
+    return [(row, column, float(apart[row, column])) for row, column in pairs]
 
 
 @dataclass(slots=True)

@@ -89,7 +89,7 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
         str,
         AfterValidator(_shipped),
         Field(
-            description="Ultralytics weights: a path, the name of shipped ones such as photographs-n-seg.pt, or with"
+            description="Ultralytics weights: a path, the name of the shipped ones, warehouse-n-seg.pt, or with"
             " --download a published model's name"
         ),
     ] = str(SHIPPED_MODEL)

@@ -176,7 +176,7 @@ class Film:
         self.frames = frames
         self.store = store
         self._scene = generate(seed)
-        self.round = round
+        self._way = (round,) if round else ()  # the first round's pictures are those of a seed alone
         self._drive = Drive.plan(self._scene, round)
         self.rig = rig(self._drive.camera_height, self._drive.camera_pitch)
         self._exposed = EXPOSURE_S * hz / frames if frames > 1 else 0.0  # how much of the round passes meanwhile
@@ -201,7 +201,7 @@ class Film:
         return {part: array for part, array in {**kept, **made}.items() if array is not None}
 
     def _key(self, index: int, part: Part) -> Hashable:
-        return (self.seed, index, part, self.round) if self.round else (self.seed, index, part)
+        return self.seed, index, part, *self._way
 
     def _made(self, index: int, parts: Collection[Part]) -> dict[Part, Array]:
         made: dict[Part, Array] = {}
@@ -231,4 +231,4 @@ class Film:
         return to_pose(self.robot(index) @ self.rig.on_robot(frame))
 
     def _rng(self, *stream: int) -> np.random.Generator:
-        return np.random.default_rng((self.seed, *stream, self.round) if self.round else (self.seed, *stream))
+        return np.random.default_rng((self.seed, *stream, *self._way))

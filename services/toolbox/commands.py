@@ -292,7 +292,7 @@ COMMANDS: Final = (
     ),
     Command(
         "train",
-        "train the shipped model from scratch: render, train, validate, write weights and card",
+        "train a model such as the shipped one: render, train, evaluate, write weights and card",
         "services.training.settings:TrainingSettings",
         "services.toolbox.train.process:run",
         refusals=("services.training.files:TrainingError",),

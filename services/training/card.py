@@ -2,6 +2,7 @@
 
 import platform
 import resource
+import textwrap
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -22,6 +23,7 @@ from services.training.evaluation.predictor import CONFIDENCE
 from services.training.evaluation.scenes import held_out_seeds
 from services.training.evaluation.truths import MIN_VISIBILITY
 from services.training.fitting import device_name
+from services.training.mixing import EMPTY_REPEATS
 from services.training.settings import DECISIVE, TrainingSettings
 
 
@@ -66,8 +68,8 @@ Made, and this page written, by one command:
     {command}
 
 - Seed {seed}; {images} images of 640x480, two of each scene, batch {batch}{scratch}.
-{mixed}{refiner}- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor time,
-  rendering included, with {workers} workers on device {device}.
+{mixed}{averaged}{refiner}- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor
+  time, rendering included, with {workers} workers on device {device}.
 - Python {python}, {versions}.
 
 ## On scenes that it was not trained on
@@ -120,7 +122,12 @@ _FROM_SCRATCH: Final = """: {coarse_epochs} epochs at half
 _MIXED: Final = """\
 - {data_epochs} epochs of these together with photographs, in about equal parts, varied in colour, size and place;
   classes that a source does not label count neither for nor against a prediction, and where boxes alone are known
-  masks do not count.
+  masks do not count. The learning rate began at {data_rate:g}; photographs without any of the classes were shown
+  {empty_repeats} times as often as others.
+"""
+
+_AVERAGED: Final = """\
+- The weights are the average of those trained so and, with a share of {keep:.2f}, of those that the run began with.
 """
 
 _UNSEEN: Final = """\
@@ -133,6 +140,8 @@ of photographs says, at best; train on pictures of your own site before you rely
 
 _PHOTOGRAPHS: Final = """
 ## On photographs that it was not trained on
+
+{summary}
 
 At the same confidence, boxes with an IoU of at least {iou:.1f}; of each source only the classes that it labels.
 False alarms are predictions per picture where none of the classes is.
@@ -182,7 +191,8 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, ref
         command=_command(settings),
         origin=_origin(settings),
         scratch="" if settings.start else _FROM_SCRATCH.format(**values),
-        mixed=_MIXED.format(**values) if settings.data else "",
+        mixed=_MIXED.format(empty_repeats=EMPTY_REPEATS, **values) if settings.data else "",
+        averaged=_AVERAGED.format(**values) if settings.keep else "",
         limits=_SEEN if settings.data else _UNSEEN,
         photographs=_photographs(figures),
         wall_min=effort.wall_s / 60,
@@ -206,10 +216,10 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, ref
         pictures=near.pictures,
         iou=MATCHING_IOU,
         confidence=CONFIDENCE,
-        refiner=_REFINER.format(objects=refined, **settings.model_dump()) if refined else "",
+        refiner=_REFINER.format(objects=refined, **values) if refined else "",
         unrefined=_without(masks.by_score, figures.unrefined),
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
-        **settings.model_dump(exclude={"device", "data"}),
+        **{name: value for name, value in values.items() if name != "device"},
     )
 
 
@@ -235,7 +245,21 @@ def _photographs(figures: Figures) -> str:
     rows = [row for source, score in sorted(figures.photographs.items()) for row in _photograph_rows(source, score)]
     lines = [f"- `{source}`: {licence}\n" for source, licence in sorted(figures.licences.items())]
     licences = f"\nThe photographs' sources and their licences as stated there:\n\n{''.join(lines)}" if lines else ""
-    return _PHOTOGRAPHS.format(iou=MATCHING_IOU, rows="\n".join(rows), licences=licences)
+    summary = _in_words(figures.photographs["all"])
+    return _PHOTOGRAPHS.format(summary=summary, iou=MATCHING_IOU, rows="\n".join(rows), licences=licences)
+
+
+def _in_words(score: PhotographScore) -> str:
+    """Say in one sentence what a model does on real pictures."""
+    found = ", ".join(
+        f"{_share(each.recall)} of {each.labelled} labelled objects of the class {name} (precision"
+        f" {_share(each.precision)})"
+        for name, each in score.classes.items()
+        if each.labelled
+    )
+    rate = score.false_alarms_per_picture
+    alarms = "" if rate is None else f", with {rate:.2f} false alarms in a picture where none of the classes is"
+    return textwrap.fill(f"On {score.pictures} real pictures it found {found or 'nothing to find'}{alarms}.", 120)
 
 
 def _photograph_rows(source: str, score: PhotographScore) -> Iterator[str]:
@@ -268,6 +292,10 @@ def _averages(precision: Precision) -> tuple[float | None, float | None]:
 
 def _average(value: float | None) -> str:
     return "-" if value is None else f"{value:.3f}"
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0%}"
 
 
 def _row(*cells: object) -> str:

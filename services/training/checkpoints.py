@@ -9,7 +9,7 @@ import re
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -78,6 +78,18 @@ class Checkpoint:
         network.load_state_dict(self.weights)
         network.names = dict(enumerate(CLASSES))  # type: ignore[assignment]
         return network.eval()
+
+    def averaged(self, other: "Checkpoint", share: float) -> "Checkpoint":
+        """Return these weights averaged with `other`'s, of which `share` is taken; the rest as it is.
+
+        Networks of which one was trained from the other do well in between (Wortsman et al., "Robust fine-tuning of
+        zero-shot models", 2022).
+        """
+        weights = {
+            name: each.lerp(other.weights[name], share) if each.is_floating_point() else each
+            for name, each in self.weights.items()
+        }
+        return replace(self, weights=weights)
 
     def write(self, file: Path, arguments: Mapping[str, Any]) -> None:
         """Write a checkpoint that Ultralytics can resume from. arguments: of the training, by Ultralytics' names."""

@@ -11,13 +11,18 @@ from services.training.photographs import Photograph
 MOST_REPEATS: Final = 4
 """How often a photograph is taken in an epoch, at most, to balance rendered pictures."""
 
+EMPTY_REPEATS: Final = 4
+"""How often a photograph without any of the classes is taken for each time that another one is: there are few of them,
+and each has a lot to be mistaken for something."""
+
 EVERYWHERE: Final = "0 0 1 0 1 1 0 1"
 
 
 def write_mix(folder: Path, photographs: Sequence[Photograph], rendered: Sequence[Path]) -> Path:
     """Copy the photographs into `folder`, list them with the rendered pictures, and return the data set's YAML.
 
-    Photographs are listed as often as it takes to have about as many of them as rendered ones.
+    Photographs are listed as often as it takes to have about as many of them as rendered ones; those without any of the
+    classes come on top.
 
     Raises:
         TrainingError: a photograph cannot be read, or a file cannot be written.
@@ -26,7 +31,8 @@ def write_mix(folder: Path, photographs: Sequence[Photograph], rendered: Sequenc
         (folder / kind).mkdir(parents=True, exist_ok=True)
     copies = [_copied(folder, number, photograph) for number, photograph in enumerate(photographs)]
     repeats = min(max(1, -(-len(rendered) // max(1, len(copies)))), MOST_REPEATS)
-    listed = "".join(f"{path.resolve()}\n" for path in [*copies * repeats, *rendered])
+    empty = [copy for copy, each in zip(copies, photographs, strict=True) if each.empty]
+    listed = "".join(f"{path.resolve()}\n" for path in [*(copies + empty * (EMPTY_REPEATS - 1)) * repeats, *rendered])
     write_whole(folder / "train.txt", listed.encode())
     names = "".join(f"  {code}: {name}\n" for code, name in enumerate(CODE_NAMES))
     description = folder / "mix.yaml"

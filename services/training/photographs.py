@@ -12,11 +12,12 @@ A third, `licences.txt`, goes into the model card: a line for each source, its l
 
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,8 +67,37 @@ class Photograph:
         return self.labelled | self.absent
 
     @property
+    def empty(self) -> bool:
+        """Whether none of the classes is in it."""
+        return not self.objects and self.known == ALL_CLASSES
+
+    @property
     def unknown(self) -> frozenset[int]:
         return ALL_CLASSES - self.known
+
+
+@dataclass(frozen=True, slots=True)
+class PhotographData:
+    """The photographs of folders, to train and to test on, and the licence of each source in words."""
+
+    training: list[Photograph]
+    tests: list[Photograph]
+    licences: dict[str, str]
+
+
+def read_data(folders: Sequence[Path]) -> PhotographData:
+    """Read folders of photographs.
+
+    Raises:
+        TrainingError: one has nothing to train or to test on, or something there cannot be read.
+    """
+    training = [each for folder in folders for each in read_photographs(folder, "train")]
+    tests = [each for folder in folders for each in read_photographs(folder, *TEST_SPLITS)]
+    for each in tests:
+        if not cv2.haveImageReader(str(each.file)):
+            raise TrainingError(f"{each.file}: not a picture that can be read")
+    licences = {source: text for folder in folders for source, text in read_licences(folder).items()}
+    return PhotographData(training, tests, licences)
 
 
 def read_photographs(folder: Path, *splits: str) -> list[Photograph]:

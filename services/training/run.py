@@ -20,7 +20,7 @@ from services.training.files import TrainingError, first_line
 from services.training.fitting import device_name, fit
 from services.training.mixing import write_mix
 from services.training.parallel import Progress
-from services.training.photographs import TEST_SPLITS, read_licences, read_photographs
+from services.training.photographs import PhotographData, read_data
 from services.training.refining.fitting import CHECKPOINT, kept_state
 from services.training.refining.refinement import Refinement
 from services.training.refining.run import refine
@@ -59,8 +59,8 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
     load: loads the weights as a detector would, to evaluate them. refinement: that detector's.
 
     Raises TrainingError, before anything is rendered, when the output or the work directory cannot be written, when the
-    device is not there, and when the work directory belongs to a run with other settings or what it holds is no
-    checkpoint.
+    device is not there, when the work directory belongs to a run with other settings or what it holds is no
+    checkpoint, and when photographs to train or test on cannot be read.
     """
     work_dir = settings.work_dir
     _check_folder("--output", settings.output, settings.output.parent)
@@ -68,7 +68,7 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
     _check_device(settings)
     _claim(work_dir, settings)
     _check_checkpoints(settings)
-    photographs = [each for folder in settings.data for each in read_photographs(folder, "train")]
+    photographs = read_data(settings.data)
     record = work_dir / "effort.json"
     with metered(record):
         dataset = write_dataset(
@@ -79,21 +79,34 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
             holdout=settings.holdout,
             workers=settings.workers,
         )
-        mix = write_mix(work_dir / "mix", photographs, rendered(dataset)) if photographs else None
-        checkpoint, unrefined = fit(settings, dataset, progress, mix), work_dir / "unrefined.pt"
+        mix = write_mix(work_dir / "mix", photographs.training, rendered(dataset)) if settings.data else None
+        checkpoint, unrefined = _averaged(settings, fit(settings, dataset, progress, mix)), work_dir / "unrefined.pt"
         write_weights(checkpoint, unrefined, settings.imgsz)
         refined = refine(settings, unrefined, refinement, progress)
         write_weights(checkpoint, settings.output, settings.imgsz, refined.kept)
     with metered(record):
-        figures = evaluate(settings, progress, load, unrefined if refined.kept else None)
+        figures = evaluate(settings, progress, load, photographs, unrefined if refined.kept else None)
     card = model_card(settings, figures, effort_so_far(record), refined.objects)
     settings.output.with_suffix(".md").write_text(card)
 
 
+def _averaged(settings: TrainingSettings, checkpoint: Path) -> Path:
+    """Average a checkpoint with the weights that the run began with, as far as these are to be kept."""
+    if settings.start is None or not settings.keep:
+        return checkpoint
+    averaged = settings.work_dir / "averaged.pt"
+    Checkpoint.read(checkpoint).averaged(Checkpoint.read(settings.start), settings.keep).write(averaged, {})
+    return averaged
+
+
 def evaluate(
-    settings: TrainingSettings, progress: Progress, load: PredictorLoader, unrefined: Path | None = None
+    settings: TrainingSettings,
+    progress: Progress,
+    load: PredictorLoader,
+    photographs: PhotographData,
+    unrefined: Path | None = None,
 ) -> Figures:
-    """Evaluate the weights at `settings.output` on unseen scenes.
+    """Evaluate the weights at `settings.output` on unseen scenes, and on the photographs to test on, if any.
 
     unrefined: the same without what refines their masks, if there is such a thing.
     """
@@ -108,22 +121,18 @@ def evaluate(
     found = score(settings.output, "evaluate")
     before = None if unrefined is None else score(unrefined, "evaluate unrefined").masks.figures().overall
     drives = min(DRIVES, settings.holdout)
-    tests = [each for folder in settings.data for each in read_photographs(folder, *TEST_SPLITS)]
-    licences = {source: text for folder in settings.data for source, text in read_licences(folder).items()}
-    pictures = score_photographs(
-        tests,
-        load_at(settings.output, confidence=CONFIDENCE),
-        lambda done: progress("photographs", done, len(tests)),
+    tests = photographs.tests
+    predict = load_at(settings.output, confidence=CONFIDENCE)
+    pictures = (
+        score_photographs(tests, predict, lambda done: progress("photographs", done, len(tests))) if tests else {}
     )
     near = near_figures(
-        load_at(settings.output, confidence=CONFIDENCE),
+        predict,
         [holdout_seed(settings.seed, settings.holdout // VIEWS + 1 + index) for index in range(drives)],
         FRAMES_PER_DRIVE,
         lambda done: progress("drive", done, drives),
     )
-    return Figures(
-        found.masks.figures(), found.lists.figures(CONFIDENCE), near, before, pictures if tests else {}, licences
-    )
+    return Figures(found.masks.figures(), found.lists.figures(CONFIDENCE), near, before, pictures, photographs.licences)
 
 
 def _check_folder(option: str, named: Path, folder: Path) -> None:

@@ -19,6 +19,8 @@ DECISIVE: Final = {
     "batch",
     "data",
     "data_epochs",
+    "data_rate",
+    "keep",
     "start",
 }
 """The settings that determine the weights and their metrics on any machine."""
@@ -65,10 +67,20 @@ class TrainingSettings(BaseModel):
     data_epochs: PositiveInt = Field(
         default=12, description="passes over photographs and rendered pictures together, the last stage"
     )
+    data_rate: float = Field(
+        default=4e-4, gt=0, le=0.1, description="learning rate that this stage begins with; it falls to a fiftieth"
+    )
     start: Path | None = Field(
         default=None,
         alias="from",
         description="weights of this architecture to begin with, instead of from scratch; needs --data",
+    )
+    keep: float = Field(
+        default=0.0,
+        ge=0,
+        lt=1,
+        description="share of the weights that it began with in the result, which is the average of both: more of it"
+        " keeps more of what these did well; needs --from",
     )
     imgsz: PositiveInt = Field(default=640, multiple_of=32, description="longer side of the model's input in pixels")
     batch: PositiveInt = Field(default=8, description="images per step")
@@ -89,6 +101,8 @@ class TrainingSettings(BaseModel):
     def _has_something_to_train_on(self) -> Self:
         if self.start is not None and not self.data:
             raise ValueError("--from: nothing new to train on; name a folder of photographs with --data")
+        if self.keep and self.start is None:
+            raise ValueError("--keep: there are no weights to keep a share of; name them with --from")
         return self
 
     @field_validator("output")

@@ -40,8 +40,8 @@ class TrainingStage:
 
 def stages_of(settings: TrainingSettings) -> tuple[TrainingStage, ...]:
     """The stages in their order; the last one's checkpoint is the run's."""
-    half, most = -(-settings.imgsz // 64) * 32, -(-settings.imgsz * 7 // 320) * 32
-    mixed = TrainingStage("mixed", most, settings.data_epochs, 4e-4, 8e-6, hold=0, mixed=True)
+    half, rate = -(-settings.imgsz // 64) * 32, settings.data_rate
+    mixed = TrainingStage("mixed", settings.imgsz, settings.data_epochs, rate, rate / 50, hold=0, mixed=True)
     last = (mixed,) if settings.data else ()
     if settings.start is not None:
         return last

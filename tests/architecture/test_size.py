@@ -12,8 +12,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
-MAX_BYTES = 125_000_000
-"""Of which 13 MB are the two shipped models: one wheel is for robots and workers."""
+MAX_BYTES = 120_000_000
 COMPILED = ".pyc"
 UNIT = ROOT / "deploy" / "fleetsight-gateway.service"
 

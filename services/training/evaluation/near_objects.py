@@ -16,7 +16,9 @@ NEAR_METRES: Final = 4.0
 NEAR_AREA: Final = 0.01
 MATCHING_IOU: Final = 0.5
 FOUNDED_SHARE: Final = 0.1
+
 Box = NDArray[np.float64]
+"""Left, top, right, bottom."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,7 @@ class NearFigures:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LabelledBox:
-    """A prediction or a true object: its class and its box (left, top, right, bottom)."""
+    """A prediction or a true object: its class and its box."""
 
     name: str
     box: Box
@@ -102,7 +104,7 @@ def predicted(detections: Sequence[Detection]) -> list[LabelledBox]:
 
 def match(truth: LabelledBox, predictions: list[LabelledBox]) -> tuple[bool, bool]:
     """Whether a prediction overlaps `truth` with the right name, and whether one does with a wrong name."""
-    on_it = [p.name for p in predictions if _iou(truth.box, p.box) >= MATCHING_IOU]
+    on_it = [p.name for p in predictions if box_iou(truth.box, p.box) >= MATCHING_IOU]
     return truth.name in on_it, any(name != truth.name for name in on_it)
 
 
@@ -116,8 +118,10 @@ def is_invented(prediction: LabelledBox, classes: NDArray[np.int32]) -> bool:
     return bool(np.mean(window == names.index(prediction.name)) < FOUNDED_SHARE)
 
 
-def _iou(one: Box, other: Box) -> float:
-    overlap = np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2])
-    shared = float(np.prod(np.maximum(overlap, 0)))
-    union = float(np.prod(one[2:] - one[:2]) + np.prod(other[2:] - other[:2])) - shared
-    return shared / union
+def box_iou(one: Box, other: Box) -> float:
+    """Return the intersection over union of two boxes."""
+    width, height = np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2])
+    if width <= 0 or height <= 0:
+        return 0.0
+    areas = ((each[2] - each[0]) * (each[3] - each[1]) for each in (one, other))
+    return float(width * height / (sum(areas) - width * height))

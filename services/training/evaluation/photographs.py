@@ -7,28 +7,25 @@ scores first. Of a class that a picture's source does not label completely, pred
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from schemas.detections import Detection
 from services.simulator.world import CLASSES
+from services.training.evaluation.near_objects import MATCHING_IOU, Box, box_iou
 from services.training.evaluation.predictor import Predictor
 from services.training.files import TrainingError
 from services.training.photographs import Photograph
 
-LEAST_IOU: Final = 0.5
-
 
 @dataclass(slots=True)
 class ClassScore:
-    """Counts of one class: labelled objects, those found, and predictions that are right or wrong."""
+    """Counts of one class: labelled objects, those found, each by a prediction of its own, and wrong predictions."""
 
     labelled: int = 0
     found: int = 0
-    right: int = 0
     wrong: int = 0
 
     @property
@@ -37,7 +34,7 @@ class ClassScore:
 
     @property
     def precision(self) -> float | None:
-        return round(self.right / (self.right + self.wrong), 3) if self.right + self.wrong else None
+        return round(self.found / (self.found + self.wrong), 3) if self.found + self.wrong else None
 
 
 @dataclass(slots=True)
@@ -66,7 +63,6 @@ class PhotographScore:
         score = self.classes[CLASSES[index]]
         score.labelled += len(labels)
         score.found += matched
-        score.right += matched
         score.wrong += len(found) - matched
 
     @property
@@ -86,26 +82,17 @@ class PhotographScore:
         }
 
 
-def matches(labels: Sequence[NDArray[Any]], boxes: Sequence[NDArray[Any]]) -> int:
+def matches(labels: Sequence[Box], boxes: Sequence[Box]) -> int:
     """Return how many boxes, in their order, find a label of their own: the one of the best IoU that is left."""
     left = list(labels)
     count = 0
     for box in boxes:
-        overlaps = [iou(box, label) for label in left]
+        overlaps = [box_iou(box, label) for label in left]
         best = max(range(len(left)), key=overlaps.__getitem__, default=None)
-        if best is not None and overlaps[best] >= LEAST_IOU:
+        if best is not None and overlaps[best] >= MATCHING_IOU:
             left.pop(best)
             count += 1
     return count
-
-
-def iou(one: NDArray[Any], other: NDArray[Any]) -> float:
-    """Return the intersection over union of two boxes: left, top, right, bottom."""
-    width, height = np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2])
-    if width <= 0 or height <= 0:
-        return 0.0
-    areas = ((each[2] - each[0]) * (each[3] - each[1]) for each in (one, other))
-    return float(width * height / (sum(areas) - width * height))
 
 
 def score_photographs(

@@ -2,7 +2,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.worldmodel.recording import NOTHING, Recorder, camera, shown_by, visible_in
+from benchmarks.accuracy.drives import SENSORS
+from benchmarks.worldmodel.recording import NOTHING, Recorder, shown_by, visible_in
 from schemas.detections import Box, Detection
 from services.simulator.placement import COLOR_OPTICAL, of_pose
 from services.simulator.world import Drive, generate
@@ -36,7 +37,7 @@ def test_a_round_is_recorded_once(tmp_path: Path) -> None:
     assert len(looked) == len(made.images)
     assert {each.name for each in made.objects} <= {"box", "pallet", "forklift"}
     (first, *_) = made.images
-    assert first.depth().shape == (camera().height, camera().width)
+    assert first.depth().shape == (SENSORS.color.height, SENSORS.color.width)
     assert np.array(first.pose).shape == (4, 4)
     assert first.detections.header.frame_id == COLOR_OPTICAL
 

@@ -9,7 +9,7 @@ from services.training.evaluation.near_objects import LabelledBox, near_objects
 UNSEEN_SEED = 700
 
 
-def near_view(fraction: float = 0.0, seed: int = UNSEEN_SEED) -> NDArray[np.uint8]:
+def near_view(fraction: float = 0.25, seed: int = UNSEEN_SEED) -> NDArray[np.uint8]:
     """Look at what is near on a drive through an unseen scene: 480 x 640 x 3 in BGR, as Ultralytics takes it."""
     return np.ascontiguousarray(near_view_with_truth(fraction, seed)[0][..., ::-1])
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+import torch
 from pydantic import ValidationError
 
 from benchmarks.photographs.stand_ins import write_stand_ins
@@ -39,7 +40,8 @@ class Interrupted(Exception):  # noqa: N818 - what an interruption is, not an er
 
 
 def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_path: Path) -> None:
-    settings = settings_for(tmp_path, **{"from": SHIPPED_MODEL, "data": [photographs(tmp_path / "data")]})
+    given = {"from": SHIPPED_MODEL, "data": [photographs(tmp_path / "data")], "keep": 0.5, "data_rate": 1e-3}
+    settings = settings_for(tmp_path, **given)
     (stage,) = stages_of(settings)
     reports: list[tuple[str, int, int]] = []
 
@@ -53,8 +55,8 @@ def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_p
     assert checkpoint.epoch == 0
     train(settings, lambda *report: reports.append(report), open_weights, REFINEMENT)
 
-    trained = [done for name, done, _ in reports if name == "train mixed"]
-    assert trained == list(range(trained[0], 2 * (trained[0] - 1) + 1))
+    batches = [done for name, done, _ in reports if name == "train mixed"]
+    assert batches == list(range(batches[0], 2 * (batches[0] - 1) + 1))
     assert ("photographs", PICTURES, PICTURES) in reports
     before, after = (Checkpoint.read(file).weights for file in (SHIPPED_MODEL, settings.output))
     assert before.keys() == after.keys()
@@ -62,9 +64,15 @@ def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_p
     assert moved
     assert all((before[name] - after[name]).abs().max() < 1 for name in moved if name.endswith("conv.weight"))
 
+    trained = Checkpoint.read(stage.checkpoint(settings.work_dir)).weights
+    for name in moved:
+        if before[name].is_floating_point():  # in half precision
+            torch.testing.assert_close(after[name], (before[name] + trained[name]) / 2, rtol=2e-3, atol=1e-4)
+
     card = settings.output.with_suffix(".md").read_text()
     assert "from warehouse-n-seg.pt on rendered pictures of simulated warehouses and on photographs" in card
-    assert "--data data --data-epochs 2 --from warehouse-n-seg.pt" in card
+    assert "--data data --data-epochs 2 --data-rate 0.001 --from warehouse-n-seg.pt --keep 0.5" in card
+    assert "with a share of 0.50, of those that the run began with" in card
     assert "- `rendered`: AGPL-3.0: made here" in card
     assert f"| rendered | {PICTURES} | box |" in card
     assert f"| rendered | {PICTURES} | pallet |" not in card
@@ -72,9 +80,11 @@ def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_p
 
 
 def test_photographs_are_the_last_stage_of_a_run_from_scratch(tmp_path: Path) -> None:
-    settings = settings_for(tmp_path, data=[tmp_path], data_epochs=3)
+    settings = settings_for(tmp_path, data=[tmp_path], data_epochs=3, data_rate=1e-4)
     assert [stage.name for stage in stages_of(settings)] == ["coarse", "fine", "polish", "mixed"]
     assert [stage.mixed for stage in stages_of(settings)] == [False, False, False, True]
+    assert stages_of(settings)[-1].imgsz == settings.imgsz, "at half of it, photographs as a detector sees them are new"
+    assert (stages_of(settings)[-1].first_rate, stages_of(settings)[-1].last_rate) == (1e-4, pytest.approx(2e-6))
 
 
 def test_weights_without_photographs_have_nothing_to_learn() -> None:
@@ -85,6 +95,35 @@ def test_weights_without_photographs_have_nothing_to_learn() -> None:
 def test_a_folder_without_photographs_is_named_before_anything_is_rendered(tmp_path: Path) -> None:
     settings = settings_for(tmp_path, data=[tmp_path / "nothing"])
     with pytest.raises(TrainingError, match="nothing: no pictures in train/images"):
+        train(settings, lambda *_: None, open_weights, REFINEMENT)
+    assert not (settings.work_dir / "data").exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "message"),
+    [
+        ("licences.txt", "rendered AGPL-3.0", r"licences\.txt: not a source"),
+        ("val/labels/rendered_1.txt", "0 0.1", r"rendered_1\.txt, line 1"),
+        ("val/images/rendered_1.jpg", "no picture", r"rendered_1\.jpg: not a picture"),
+    ],
+)
+def test_what_only_the_evaluation_needs_is_read_before_anything_is_rendered(
+    tmp_path: Path, file: str, content: str, message: str
+) -> None:
+    folder = photographs(tmp_path / "data")
+    (folder / file).write_text(content)
+    settings = settings_for(tmp_path, data=[folder])
+    with pytest.raises(TrainingError, match=message):
+        train(settings, lambda *_: None, open_weights, REFINEMENT)
+    assert not (settings.work_dir / "data").exists()
+
+
+def test_photographs_to_train_on_alone_are_not_enough(tmp_path: Path) -> None:
+    folder = photographs(tmp_path / "data")
+    (folder / "train").unlink()
+    (folder / "val").rename(folder / "train")
+    settings = settings_for(tmp_path, data=[folder])
+    with pytest.raises(TrainingError, match="data: no pictures in val/images or test/images"):
         train(settings, lambda *_: None, open_weights, REFINEMENT)
     assert not (settings.work_dir / "data").exists()
 

@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from services.training.files import TrainingError
-from services.training.mixing import MOST_REPEATS, write_mix
+from services.training.mixing import EMPTY_REPEATS, MOST_REPEATS, write_mix
 from services.training.partial_labels import CODE_NAMES, LabelKind
 from services.training.photographs import LabelledObject, Photograph
 
@@ -37,6 +37,15 @@ def test_photographs_are_about_as_many_as_rendered_pictures(tmp_path: Path, rend
     assert list(described["names"].values()) == CODE_NAMES
     assert listed.count(str((mix.parent / "images" / "000000.jpg").resolve())) == repeats
     assert listed[repeats:] == [str(path.resolve()) for path in pictures]
+
+
+def test_photographs_without_the_classes_are_shown_more_often(tmp_path: Path) -> None:
+    photographs = [photograph(tmp_path / "some.jpg", LabelledObject(BOX, CORNER)), photograph(tmp_path / "few.jpg")]
+    (tmp_path / "none.jpg").write_bytes(b"picture")
+    none = Photograph(tmp_path / "none.jpg", "garden", (), frozenset({BOX}), frozenset({PALLET, FORKLIFT}))
+    mix = write_mix(tmp_path / "mix", [*photographs, none], [tmp_path / "a.png"] * 6)
+    listed = [Path(line).stem for line in (mix.parent / "train.txt").read_text().splitlines()]
+    assert [listed.count(f"{number:06d}") for number in range(3)] == [2, 2, 2 * EMPTY_REPEATS]
 
 
 def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:

@@ -14,6 +14,13 @@ def test_weights_go_into_a_file_that_can_be_loaded(tmp_path: Path) -> None:
     assert TrainingSettings.model_validate({"output": "my.pt"}).output == Path("my.pt")
 
 
+def test_a_share_of_weights_is_kept_where_there_are_some() -> None:
+    with pytest.raises(ValidationError, match="--keep: there are no weights to keep a share of; name them with --from"):
+        TrainingSettings(keep=0.5)
+    with pytest.raises(ValidationError, match="keep"):
+        TrainingSettings.model_validate({"from": "a.pt", "data": ["site"], "keep": 1})
+
+
 @pytest.mark.parametrize("workers", [0, 1025])
 def test_there_is_an_end_to_the_number_of_threads(workers: int) -> None:
     with pytest.raises(ValidationError, match="workers"):

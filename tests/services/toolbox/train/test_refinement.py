@@ -22,7 +22,7 @@ def test_what_is_looked_at_closely_is_what_a_detector_finds(tmp_path: Path) -> N
 
 def test_where_nothing_is_found_there_is_nothing_to_look_at(tmp_path: Path) -> None:
     look = open_look(SHIPPED_MODEL, "cpu", tmp_path)
-    nothing = np.zeros((480, 640, 3), np.uint8)
+    nothing = np.full((480, 640, 3), 128, np.uint8)
     for image, some in ((nothing, False), (np.ascontiguousarray(near_view()[..., ::-1]), True), (nothing, False)):
         assert bool(len(look(image).labels)) is some
 

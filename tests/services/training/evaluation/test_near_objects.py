@@ -1,10 +1,12 @@
 import numpy as np
+import pytest
 
 from services.simulator.world import Camera, Drive, generate, render, truth_of
 from services.training.evaluation.near_objects import (
     NEAR_AREA,
     NEAR_METRES,
     LabelledBox,
+    box_iou,
     is_invented,
     match,
     near_objects,
@@ -15,6 +17,14 @@ TRUTH = LabelledBox("box", np.array([10.0, 10, 30, 30]))
 
 def at(name: str, *box: float) -> LabelledBox:
     return LabelledBox(name, np.array(box))
+
+
+def test_the_overlap_of_boxes() -> None:
+    one = np.array((0.0, 0.0, 10.0, 10.0))
+    assert box_iou(one, one) == 1
+    assert box_iou(one, np.array((5.0, 0.0, 15.0, 10.0))) == pytest.approx(1 / 3)
+    assert box_iou(one, np.array((10.0, 0.0, 20.0, 10.0))) == 0
+    assert box_iou(np.array((3.0, 3.0, 3.0, 3.0)), np.array((3.0, 3.0, 3.0, 3.0))) == 0, "of no size"
 
 
 def test_the_right_name_on_the_same_place_is_right() -> None:

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from schemas.detections import Box, Detection
-from services.training.evaluation.photographs import PhotographScore, iou, matches, score_photographs
+from services.training.evaluation.photographs import PhotographScore, matches, score_photographs
 from services.training.files import TrainingError
 from services.training.photographs import LabelledObject, Photograph
 
@@ -33,13 +33,6 @@ def scored(photograph: Photograph, *detections: Detection) -> PhotographScore:
     score = PhotographScore()
     score.add(photograph, detections, 100, 200)
     return score
-
-
-def test_the_overlap_of_boxes() -> None:
-    one = np.array((0.0, 0.0, 10.0, 10.0))
-    assert iou(one, one) == 1
-    assert iou(one, np.array((5.0, 0.0, 15.0, 10.0))) == pytest.approx(1 / 3)
-    assert iou(one, np.array((10.0, 0.0, 20.0, 10.0))) == 0
 
 
 def test_each_label_is_found_once() -> None:
