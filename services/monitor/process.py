@@ -102,7 +102,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     rules = RuleFile(settings.rules)
     await rules.load()
     plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
-    health = Health(bus, hub=settings.mode != "client")
+    health = Health(bus, hub=settings.mode != "client", settings=settings)
     alerting = Alerting(rules, fleet.inventory, Heartbeat(health.heard_s, settings.lease_s))
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places, alerting)
     monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan)
