@@ -1,7 +1,10 @@
+from pathlib import Path
+
 import pytest
 
 from bus import BusSettings, open_bus
 from bus.session.probe import own_listeners, why_not_taken
+from tests.bus.certificates import certificate, make_certificates
 from tests.contract.conftest import free_endpoint
 
 
@@ -30,3 +33,13 @@ async def test_a_router_takes_a_link_while_it_listens(caplog: pytest.LogCaptureF
         assert why_not_taken(settings, endpoint) == ""
     assert why_not_taken(settings, endpoint) != ""
     assert [record.message for record in caplog.records if record.levelname == "WARNING"] == []
+
+
+async def test_a_router_with_a_certificate_for_another_name_takes_a_link_from_itself(tmp_path: Path) -> None:
+    make_certificates(tmp_path)
+    endpoint = free_endpoint().replace("tcp/", "tls/")
+    given = {"mode": "router", "listen": [endpoint], "shared_memory": False, **certificate(tmp_path, "r1")}
+    settings = BusSettings.model_validate(given)
+    async with open_bus(settings):
+        assert why_not_taken(settings, endpoint) == ""
+    assert why_not_taken(settings, endpoint) != ""
