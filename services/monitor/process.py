@@ -110,7 +110,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
     if settings.zones is not None:
         fleet.world = World(await asyncio.to_thread(load_zones, settings.zones))
-    health = Health(bus, hub=settings.mode != "client")
+    health = Health(bus, hub=settings.mode != "client", settings=settings)
     heartbeat = Heartbeat(health.heard_s, settings.lease_s)
     conditions = WorldConditions(fleet.world, fleet.sites, fleet.places.poses)
     alerting = Alerting(rules, fleet.inventory, heartbeat, conditions=conditions, robot_ns=fleet.clocks.robot_ns)

@@ -54,6 +54,7 @@ class Running:
 async def running(name: str, endpoint: str, *arguments: str | Path) -> AsyncIterator[Running]:
     """Run an example until leaving, which interrupts it as Ctrl-C does: that is no failure."""
     process = await asyncio.create_subprocess_exec(
+        *("env", "--default-signal=INT"),  # which a shell's background jobs ignore, and so would the example
         *(sys.executable, EXAMPLES / f"{name}.py", *arguments),
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.STDOUT,

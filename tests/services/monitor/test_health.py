@@ -1,8 +1,11 @@
 import asyncio
+import socket
 
+from bus import BusSettings, open_bus
 from bus.fake import FakeNetwork
 from services.monitor.health import Health
 from services.monitor.liveness import STALLED_S
+from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import until
 
 
@@ -30,3 +33,19 @@ async def test_what_others_link_to_hears_them_also_where_its_own_link_is_down() 
         cut_off, hub = Health(bus), Health(bus, hub=True)
     assert (cut_off.heard_s(), cut_off.problem) == (None, "the bus is closed")
     assert (hub.heard_s(), hub.problem) == (hub._heard_s, "the bus is closed")
+
+
+async def test_a_listener_that_answers_nobody_is_noticed_while_heartbeats_go_on_and_when_it_answers_again() -> None:
+    endpoint = free_endpoint()
+    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+    settings = BusSettings(mode="router", listen=[endpoint], shared_memory=False)
+    async with FakeNetwork().open_bus() as bus:
+        health = Health(bus, settings=settings, probe_s=0.05)
+        with socket.create_server((host, int(port))):  # the system takes connections, nobody answers on them
+            running = asyncio.create_task(health.run())
+            await until(lambda: health.problem.startswith(f"{endpoint} takes no new links: "))
+            assert health.heard_s() is not None
+        async with open_bus(settings):
+            await until(lambda: not health.problem)
+            running.cancel()
+            await asyncio.wait([running])

@@ -84,7 +84,8 @@ def test_photographs_are_the_last_stage_of_a_run_from_scratch(tmp_path: Path) ->
     assert [stage.name for stage in stages_of(settings)] == ["coarse", "fine", "polish", "mixed"]
     assert [stage.mixed for stage in stages_of(settings)] == [False, False, False, True]
     assert stages_of(settings)[-1].imgsz == settings.imgsz, "at half of it, photographs as a detector sees them are new"
-    assert (stages_of(settings)[-1].first_rate, stages_of(settings)[-1].last_rate) == (1e-4, pytest.approx(2e-6))
+    assert stages_of(settings)[-1].first_rate == 1e-4
+    assert stages_of(settings)[-1].last_rate == pytest.approx(2e-6)
 
 
 def test_weights_without_photographs_have_nothing_to_learn() -> None:

@@ -32,6 +32,8 @@ async def changing(url: str) -> AsyncIterator[AsyncConnection]:
     engine = engine_of(url)
     try:
         async with engine.begin() as connection:
+            if engine.dialect.name == "postgresql":  # in a deadlock, somebody else gives way
+                await connection.execute(text("SET LOCAL deadlock_timeout = '1min'"))
             yield connection
     finally:
         await engine.dispose()
