@@ -16,8 +16,8 @@ EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 DIGITS: Final = 3
 """Digits after the decimal point: millimetres, milliseconds and thousandths, the precision of all data here."""
 
-FORMULA: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
-"""Leading characters that make spreadsheets evaluate text: classes and workers may have any name."""
+_FORMULA: Final = re.compile(r"(\A|[;\t\r\n]\s*)(?=[=+\-@\t\r\n])")
+"""What comes before characters that make spreadsheets evaluate text: classes and workers may have any name."""
 
 
 def rounded(value: T) -> T:
@@ -60,8 +60,11 @@ def epoch_ns(at: datetime) -> int:
 
 
 def as_text(value: Any) -> Any:
-    """Return a CSV cell that no spreadsheet evaluates: text that begins like a formula gets a leading `'`."""
-    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
+    """Return a CSV cell that no spreadsheet evaluates: what begins like a formula gets a leading `'`.
+
+    Also behind what spreadsheets of other countries, or with other settings, take for the end of a cell.
+    """
+    return _FORMULA.sub(r"\1'", value) if isinstance(value, str) else value
 
 
 MAX_SHOWN: Final = 5

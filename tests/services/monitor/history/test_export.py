@@ -118,8 +118,16 @@ async def test_parquet_has_types(url: str, tmp_path: Path) -> None:
     assert frame["closest_m"].to_list() == [1.25] * 3
 
 
-@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@sum(a1)", "\t=1", "\r=1", "\n=1"])
-async def test_csv_has_no_formulas_and_parquet_what_was_said(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "safe"),
+    [
+        *((name, f"'{name}") for name in ("=1+1", "+1", "-1", "@sum(a1)")),
+        *((f"{end}=1", f"'{end}'=1") for end in "\t\r\n"),
+        *((f"box{end}=1", f"box{end}'=1") for end in (";", "; ", "\t", "\r\n")),
+        *((name, name) for name in ("a-b", "box;2", "a=b")),
+    ],
+)
+async def test_csv_has_no_formulas_and_parquet_what_was_said(tmp_path: Path, name: str, safe: str) -> None:
     url, parquet = f"sqlite:///{tmp_path}/history.db", tmp_path / "seen.parquet"
     store = await Store.open(url)
     try:
@@ -127,7 +135,7 @@ async def test_csv_has_no_formulas_and_parquet_what_was_said(tmp_path: Path, nam
     finally:
         await store.close()
     (row,) = await exported(url, tmp_path / "seen.csv")
-    assert (row["class"], row["score"], row["robot"]) == (f"'{name}", "0.5", "r1")
+    assert (row["class"], row["score"], row["robot"]) == (safe, "0.5", "r1")
     await run(ExportSettings(task="export", history=url, to=parquet))
     assert pl.read_parquet(parquet)["class"].to_list() == [name]
 

@@ -52,11 +52,19 @@ def test_what_is_downloaded_can_be_read_again_whatever_a_class_is_called() -> No
     assert row[:6] == ["r1", "front", 'a, "b"\n<c>', "2", "0.875", "1.256"]
 
 
-@pytest.mark.parametrize("name", ["=1+1", "+1", "-1", "@sum(a1)", "\t=1", "\r=1", "\n=1"])
-def test_no_spreadsheet_takes_a_class_a_model_or_a_worker_for_a_formula(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "safe"),
+    [
+        *((name, f"'{name}") for name in ("=1+1", "+1", "-1", "@sum(a1)")),
+        *((f"{end}=1", f"'{end}'=1") for end in "\t\r\n"),
+        *((f"box{end}=1", f"box{end}'=1") for end in (";", "; ", "\t", "\r\n")),
+        *((name, name) for name in ("a-b", "box;2", "a=b")),
+    ],
+)
+def test_no_spreadsheet_takes_a_class_a_model_or_a_worker_for_a_formula(name: str, safe: str) -> None:
     odd = replace(SIGHTING, name=name, model=name, worker=name)
     _, row = csv.reader(io.StringIO(as_csv([Entry(odd, available=True)]), newline=""))
-    assert [row[place] for place in (2, 9, 10)] == [f"'{name}"] * 3
+    assert [row[place] for place in (2, 9, 10)] == [safe] * 3
 
 
 def entry(
