@@ -161,7 +161,7 @@ def test_it_has_the_gateways_certificate() -> None:
 async def test_a_gateway_that_listens_with_a_certificate_is_found_beside_it(tmp_path: Path) -> None:
     make_certificates(tmp_path / "fleet")
     own = free_endpoint().replace("tcp/127.0.0.1", "tls/0.0.0.0")
-    gateway = settings(mode="router", listen=[own], **certificate(tmp_path / "fleet", "r1"))
+    gateway = settings(mode="router", listen=[own], insecure=True, **certificate(tmp_path / "fleet", "r1"))
     async with open_bus(gateway) as bus, bus.announce(keys.robot_alive("r1")):
         seen = await look_at_bus(gateway, seconds=1, patience_s=5)
     assert seen.robots == {"r1"}
