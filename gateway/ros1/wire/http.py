@@ -51,7 +51,8 @@ class _Side:
                     case _:
                         return False
         except h11.RemoteProtocolError as error:
-            raise HttpError(str(error), status=error.error_status_hint) from error
+            reason = str(error) if data else "the connection ended before all of the message came"
+            raise HttpError(reason, status=error.error_status_hint) from error
 
     def _check(self, head: h11.Request | h11.Response) -> None:
         announced = next((int(value) for name, value in head.headers if name == b"content-length"), 0)

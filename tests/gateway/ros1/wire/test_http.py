@@ -160,7 +160,16 @@ def test_chunks_over_the_limit() -> None:
 def test_request_that_ends_early(sent: bytes) -> None:
     exchange = server()
     assert exchange.receive_data(sent) is None
-    with pytest.raises(HttpError):
+    with pytest.raises(HttpError, match="ended before all of the message came"):
+        exchange.receive_data(b"")
+
+
+@pytest.mark.parametrize("sent", [b"", b"HTTP/1.1 200", b"HTTP/1.1 200 OK\r\nContent-Length: 9\r\n\r\n<met"])
+def test_answer_that_ends_early(sent: bytes) -> None:
+    exchange = client()
+    if sent:
+        assert exchange.receive_data(sent) is None
+    with pytest.raises(HttpError, match="ended before all of the message came"):
         exchange.receive_data(b"")
 
 
