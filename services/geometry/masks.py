@@ -19,6 +19,12 @@ MANY_PIXELS: Final = 1 << 25
 MANY_CHARACTERS: Final = 1 << 20
 """Masks with more pixels, or more text, in total are not decoded at once."""
 
+MAX_PIXELS: Final = 1 << 27
+"""Number of pixels that the windows of one message's masks have in total at most: run lengths of a few kilobytes can
+stand for gigabytes. Sixteen masks that each cover all of an 8-megapixel image fit."""
+
+TOO_LARGE: Final = f"the masks in one image cover over {MAX_PIXELS // 1_000_000} million pixels together"
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
@@ -49,27 +55,40 @@ def decode(mask: Mask, *, margin: int = 0) -> Window:
     margin: rows and columns around it that the window has too, as far as the image goes.
 
     Raises:
-        MaskError: the runs are damaged, or do not fill the image.
+        MaskError: the runs are damaged, do not fill the image, or cover more than MAX_PIXELS.
     """
     height, width = mask.size
-    return next(_windows(Runs.of([mask.counts], height, width), width, margin))
+    window = next(_windows(Runs.of([mask.counts], height, width), width, margin, MAX_PIXELS))
+    if isinstance(window, MaskError):
+        raise window
+    return window
 
 
 def decode_all(masks: Iterable[Mask], *, margin: int = 0) -> Iterator[Window | MaskError]:
-    """Decode masks like `decode`, several at a time; the error stands in place of a damaged one."""
+    """Decode the masks of one message like `decode`, several at a time.
+
+    The error stands in place of a damaged one, and of those for which MAX_PIXELS have no room left.
+    """
+    room = MAX_PIXELS
     for group in _groups(masks):
         height, width = group[0].size
-        try:
-            yield from _windows(Runs.of([mask.counts for mask in group], height, width), width, margin)
-        except MaskError:
-            yield from (_decoded(mask, margin) for mask in group)
+        for runs in _runs([mask.counts for mask in group], height, width):
+            for window in [runs] if isinstance(runs, MaskError) else _windows(runs, width, margin, room):
+                if isinstance(window, Window):
+                    room -= window.pixels.size
+                yield window
 
 
-def _decoded(mask: Mask, margin: int) -> Window | MaskError:
+def _runs(texts: list[str], height: int, width: int) -> Iterator[Runs | MaskError]:
+    """Yield the runs of all masks together; where one is damaged, of each alone, or the error."""
     try:
-        return decode(mask, margin=margin)
+        yield Runs.of(texts, height, width)
     except MaskError as error:
-        return error
+        if len(texts) == 1:
+            yield error
+            return
+        for text in texts:
+            yield from _runs([text], height, width)
 
 
 def _groups(masks: Iterable[Mask]) -> Iterator[list[Mask]]:
@@ -88,8 +107,8 @@ def _groups(masks: Iterable[Mask]) -> Iterator[list[Mask]]:
         yield group
 
 
-def _windows(runs: Runs, width: int, margin: int) -> Iterator[Window]:
-    """Return the windows of masks of images of this width."""
+def _windows(runs: Runs, width: int, margin: int, room: int) -> Iterator[Window | MaskError]:
+    """Return the windows of masks of images of this width; errors for those beyond this many pixels."""
     counts = runs.bounds[1:] - runs.bounds[:-1]
     some = counts.nonzero()[0]
     begins, counts_of_some = runs.bounds[some], counts[some]
@@ -106,13 +125,18 @@ def _windows(runs: Runs, width: int, margin: int) -> Iterator[Window]:
     stops = (highs * wides).cumsum()
     shifts = stops - (lefts + wides) * highs - tops
     starts = columns * highs.repeat(counts_of_some) + first + shifts.repeat(counts_of_some)
-    pixels = _drawn(starts, starts + lengths, stops[-1] if len(stops) else 0)
-    places = zip(*(each.tolist() for each in (tops, lefts - borders, highs, wides, stops)), strict=True)
+    fit = int(np.searchsorted(stops, room, side="right"))
+    drawn = slice(begins[fit] if fit < len(begins) else None)
+    pixels = _drawn(starts[drawn], (starts + lengths)[drawn], stops[fit - 1] if fit else 0)
+    places = zip(*(each[:fit].tolist() for each in (tops, lefts - borders, highs, wides, stops)), strict=True)
     for count in counts.tolist():
         if not count:
             yield Window(0, 0, np.zeros((0, 0), np.bool_))
             continue
-        top, left, high, wide, stop = next(places)
+        if (place := next(places, None)) is None:
+            yield MaskError(TOO_LARGE)
+            continue
+        top, left, high, wide, stop = place
         yield Window(top, left, np.ascontiguousarray(pixels[stop - high * wide : stop].reshape(wide, high).T))
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from schemas.detections import Mask
 from services.geometry.errors import MaskError
-from services.geometry.masks import Window, decode, decode_all, eroded
+from services.geometry.masks import MAX_PIXELS, Window, decode, decode_all, eroded
 from tests.schemas.masks import coco_mask
 
 
@@ -110,3 +110,31 @@ def test_a_margin_ends_at_the_images_border() -> None:
     window = decode(coco_mask(pixels), margin=2)
     assert (window.top, window.left, window.pixels.shape) == (0, 3, (4, 5))
     assert np.array_equal(window.pixels, pixels[:4, 3:])
+
+
+def all_of(height: int, width: int) -> Mask:
+    """Return the mask that covers an image, in nine characters at most."""
+    return coco_mask(np.ones((height, width), np.bool_))
+
+
+def test_few_characters_do_not_stand_for_gigabytes() -> None:
+    covering = all_of(4096, 4096)
+    assert len(covering.counts) < 10
+    windows = pixels = 0
+    for found in decode_all([covering] * 1000, margin=2):
+        if isinstance(found, Window):
+            windows, pixels = windows + 1, pixels + found.pixels.size
+        else:
+            assert "over 134 million pixels" in str(found)
+    assert (windows, pixels) == (8, MAX_PIXELS)
+
+
+def test_one_mask_alone_can_be_too_large_and_small_ones_after_it_are_decoded() -> None:
+    height = width = 16_384
+    large = Mask((height, width), "0PPPPP8")
+    with pytest.raises(MaskError, match="million pixels"):
+        decode(large)
+    refused, small = decode_all([large, all_of(2, 3)])
+    assert isinstance(refused, MaskError)
+    assert isinstance(small, Window)
+    assert small.area == 6
