@@ -29,6 +29,7 @@ from services.detector.requests import FINISH_S, Leaving, answering
 from services.detector.runtime.loading import load_all, tracking
 from services.detector.settings import DetectorSettings
 from services.detector.tracking.tracks import Tracking
+from services.detector.tuning import deviations
 from services.detector.worker_role import DETECTOR, OPINION, WorkerRole
 from services.worker.thread import worker_thread
 from services.worker.worker import Worker
@@ -60,6 +61,7 @@ class DetectorWorker:
     ) -> None:
         self._bus = bus
         self._model = model
+        self._configured = model.tuning
         self._role = role
         self._name = tokens[0].worker
         self._board = FrameQueue()
@@ -151,9 +153,10 @@ class DetectorWorker:
                 self._asked[key].ask(most)
 
     def _details(self) -> dict[str, Any]:
+        remarks = [*deviations(self._configured, self._model.tuning), *self._model.remarks]
         return {
             "model": self._model.name,
-            "remarks": [remark[:MAX_LABEL] for remark in self._model.remarks],
+            "remarks": [remark[:MAX_LABEL] for remark in remarks],
             "classes": list(self._model.classes[:MAX_CLASSES]),
             "cameras": self._accounts.loads({key: asked.hz for key, asked in self._asked.items()}),
         }
@@ -191,7 +194,10 @@ async def work(settings: DetectorSettings, model: Model) -> int:
     tokens, leaving = settings.tokens(role.service), Leaving()
     following = None if role.lists_only else tracking(settings, model)
     try:
-        async with open_bus(settings) as bus, answering(bus, model, settings.worker, role, leaving):
+        async with (
+            open_bus(settings) as bus,
+            answering(bus, model, settings.worker, role, leaving, accept_settings=settings.accept_settings),
+        ):
             worker = DetectorWorker(
                 bus, model, tokens, role=role, tracking=following, max_age_s=settings.max_age_s, leaving=leaving
             )

@@ -11,11 +11,10 @@ from bus import Bus, RefusedError, Reply
 from bus import Request as Asked
 from schemas import codec, worker_keys
 from schemas.detections import Detections
-from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
-from schemas.tuning import Tuning
-from services.detector.model import Failed, Model, ModelError, Outcome, Request, TuningError
+from services.detector import tuning
+from services.detector.model import Failed, Model, ModelError, Outcome, Request
 from services.detector.stills import ROBOT, StillError, frame_of
 from services.detector.watchdog import watch
 from services.detector.worker_role import DETECTOR, WorkerRole
@@ -47,11 +46,18 @@ STILL: Final = CameraKey(ROBOT, "image")
 
 @asynccontextmanager
 async def answering(
-    bus: Bus, model: Model, worker: str, role: WorkerRole = DETECTOR, leaving: Leaving | None = None
+    bus: Bus,
+    model: Model,
+    worker: str,
+    role: WorkerRole = DETECTOR,
+    leaving: Leaving | None = None,
+    *,
+    accept_settings: bool = False,
 ) -> AsyncIterator[None]:
     """Answer requests while the context lasts. role: whether images are answered, too.
 
     leaving: once the worker leaves, no image is taken in, and the end waits for one that was, as long as it may.
+    accept_settings: whether requests may change the model's settings.
 
     Raises:
         ModelError: an image has shown that the model is of no more use, or it does not answer any more. In a group.
@@ -67,7 +73,7 @@ async def answering(
             stack.push_async_callback(stills.finish)
 
         async def tune(asked: Asked) -> Reply:
-            return _tune(model, asked)
+            return tuning.answer(model, asked, accept=accept_settings)
 
         await stack.enter_async_context(bus.serve(worker_keys.worker_settings(role.service, worker), tune))
         yield
@@ -170,14 +176,3 @@ def _told(outcome: Outcome, frame: ImageFrame, model: Model, worker: str) -> Det
     if isinstance(outcome, Failed):
         raise RefusedError(f"{outcome.reason}: {outcome.error}")
     return outcome.detections(frame, model=model.name, worker=worker)
-
-
-def _tune(model: Model, asked: Asked) -> Reply:
-    """Change the given settings and answer with all of them; without a payload nothing changes."""
-    try:
-        if asked.payload:
-            model.tune(codec.decode(Tuning, asked.payload, asked.encoding))
-            log.info("settings changed: %s", model.tuning)
-    except (SchemaError, TuningError) as error:
-        raise RefusedError(str(error)) from error
-    return Reply(codec.encode(model.tuning), codec.encoding(Tuning))

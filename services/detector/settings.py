@@ -103,6 +103,12 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
     detection_model: Annotated[
         str | None, Field(description="second model, for boxes; its objects get the masks of --model")
     ] = None
+    accept_settings: Annotated[
+        bool,
+        Field(
+            description="let requests change --confidence, --iou, --max-detections and --classes while the worker runs"
+        ),
+    ] = False
     download: Annotated[bool, Field(description="let Ultralytics download missing weights")] = False
     runtime: Annotated[
         Runtime,

@@ -37,7 +37,11 @@ def model() -> FakeModel:
 @pytest.fixture
 async def bus(model: FakeModel) -> AsyncIterator[Bus]:
     network = FakeNetwork()
-    async with network.open_bus() as theirs, network.open_bus() as ours, answering(ours, model, "w1"):
+    async with (
+        network.open_bus() as theirs,
+        network.open_bus() as ours,
+        answering(ours, model, "w1", accept_settings=True),
+    ):
         yield theirs
 
 
@@ -139,6 +143,16 @@ async def test_settings_are_told_and_changed_one_by_one(bus: Bus, model: FakeMod
     assert codec.decode(Tuning, reply.payload, reply.encoding) == model.tuning
     changed = await tuned(bus, Tuning(confidence=0.9))
     assert changed == model.tuning == Tuning(confidence=0.9, iou=0.7, max_detections=300, classes=[])
+
+
+async def test_settings_are_told_but_not_changed_unless_the_worker_accepts_that(model: FakeModel) -> None:
+    network = FakeNetwork()
+    async with network.open_bus() as theirs, network.open_bus() as ours, answering(ours, model, "w1"):
+        before = model.tuning
+        with pytest.raises(RefusedError, match="--accept-settings"):
+            await tuned(theirs, Tuning(confidence=1.0))
+        reply = await theirs.request(worker_keys.worker_settings("detector", "w1"), timeout_s=60)
+        assert codec.decode(Tuning, reply.payload, reply.encoding) == model.tuning == before
 
 
 async def test_settings_that_cannot_be_are_refused_and_change_nothing(bus: Bus, model: FakeModel) -> None:
