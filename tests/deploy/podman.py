@@ -16,12 +16,14 @@ CONFIGURATION: Final = """
 [containers]
 default_ulimits = ["nofile=10000:10000", "nproc=10000:10000"]
 log_driver = "k8s-file"
+[network]
+network_backend = "netavark"
 [engine]
 runtime = "runc"
 cgroup_manager = "cgroupfs"
 events_logger = "file"
 """
-"""Runs where there is no systemd, with hybrid cgroups, and where limits cannot be raised."""
+"""Runs where there is no systemd, with hybrid cgroups, and where limits cannot be raised. Only netavark has names."""
 
 DEADLINE_S: Final = 300
 

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
@@ -68,17 +68,17 @@ def fleet(podman: Podman) -> Iterator[Podman]:
     podman.compose("down", "--volumes")
 
 
-def eventually(ask: Callable[[], str], said: str) -> None:
+def eventually(fleet: Podman, name: str, said: str, *options: str) -> None:
     end = time.monotonic() + DEADLINE_S
-    while said not in (answer := ask()):
-        assert time.monotonic() < end, answer
+    while said not in fleet.logs(f"deploy_{name}_1", *options):
+        assert time.monotonic() < end, {each: fleet.logs(f"deploy_{each}_1") for each in STARTED}
         time.sleep(0.5)
 
 
 def test_a_simulated_robot_s_data_reaches_the_centre(fleet: Podman) -> None:
-    eventually(lambda: fleet.logs("deploy_monitor_1"), "r1/camera: online")
-    eventually(lambda: fleet.logs("deploy_distance_1"), "serving 1 cameras")
-    eventually(lambda: fleet.logs("deploy_worldmodel_1"), "serving it")
+    eventually(fleet, "monitor", "r1/camera: online")
+    eventually(fleet, "distance", "serving 1 cameras")
+    eventually(fleet, "worldmodel", "serving it")
     told = fleet.run("exec", "deploy_gateway_1", "fleetsight", "doctor", "--connect", "tcp/monitor:7447")
     assert "r1: its gateway" in told
 
@@ -90,7 +90,7 @@ def test_the_monitor_is_healthy(fleet: Podman) -> None:
 def test_a_process_that_is_killed_keeps_what_it_had(fleet: Podman) -> None:
     fleet.run("kill", "--signal=KILL", "deploy_monitor_1")
     fleet.run("start", "deploy_monitor_1")
-    eventually(lambda: fleet.logs("deploy_monitor_1", "--since=1m"), "r1/camera: online")
+    eventually(fleet, "monitor", "r1/camera: online", "--since=1m")
 
 
 def test_all_end_in_order(fleet: Podman) -> None:

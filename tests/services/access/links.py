@@ -107,6 +107,14 @@ class Fleet:
         self.endpoint = endpoint
         self.members = members
 
+    def wait_until_nobody_is_present(self) -> None:
+        """Return when the router knows of no presence any more: what comes late would be another test's."""
+        end = time.monotonic() + 10
+        while present := [
+            str(reply.key_expr) for answer in self.central.liveliness().get("**") if (reply := answer.ok)
+        ]:
+            assert time.monotonic() < end, present
+
 
 def matching(publisher: zenoh.Publisher) -> bool:
     status: Any = publisher.matching_status  # its stub says bool

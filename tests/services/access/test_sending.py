@@ -155,3 +155,4 @@ def test_what_presence_it_shows(fleet: Fleet, name: str, key: str, allowed: bool
         for token in tokens:
             token.undeclare()
         watching.undeclare()
+        fleet.wait_until_nobody_is_present()

@@ -224,7 +224,8 @@ def test_masks_are_refined_under_torch_where_the_model_runs_under_it_else_under_
     model = load(settings(model_folder, runtime=runtime), model_folder / "ultralytics")
     assert [line for line in caplog.messages if "masks" in line] == said
     assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
-    assert model.remarks == ()
+    differs = "differs from torch"  # where the processor knows bfloat16, OpenVINO computes in it
+    assert [each for each in model.remarks if runtime != "openvino" or differs not in each] == []
 
 
 def test_a_refiner_that_does_not_work_under_a_runtime_works_under_torch(
