@@ -153,7 +153,7 @@ async def test_malformed_results_are_counted_and_harm_nobody(ros: RosEnvironment
     key = FRONT.stream(Stream.CLASSES)
     async with (
         detecting(rig, FRONT, ("box", 1)),
-        rig.bus.publisher(key, QoS.IMAGE, encoding=codec.encoding(ClassList)) as stranger,
+        rig.bus.publisher(key, QoS.MESSAGE, encoding=codec.encoding(ClassList)) as stranger,
     ):
         echo = await ros.rostopic("echo", FRONT_TOPIC)
         await echo.until_output("['box']")
