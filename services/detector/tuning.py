@@ -27,7 +27,7 @@ def answer(model: Model, request: Request, *, accept: bool) -> Reply:
         if request.payload:
             tuning = codec.decode(Tuning, request.payload, request.encoding)
             if not accept:
-                log.warning("%s refused: %s", tuning, NOT_ACCEPTED)
+                log.warning("settings refused: %s", NOT_ACCEPTED)  # without them: they may be a megabyte
                 raise RefusedError(NOT_ACCEPTED)
             model.tune(tuning)
             log.info("settings changed: %s", model.tuning)

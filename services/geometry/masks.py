@@ -57,8 +57,7 @@ def decode(mask: Mask, *, margin: int = 0) -> Window:
     Raises:
         MaskError: the runs are damaged, do not fill the image, or cover more than MAX_PIXELS.
     """
-    height, width = mask.size
-    window = next(_windows(Runs.of([mask.counts], height, width), width, margin, MAX_PIXELS))
+    (window,) = decode_all([mask], margin=margin)
     if isinstance(window, MaskError):
         raise window
     return window

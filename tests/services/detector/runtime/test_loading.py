@@ -1,7 +1,6 @@
 """Weights that are not what they should be are refused in one line; what is exported is made once."""
 
 import errno
-import logging
 import os
 import pickle
 import re
@@ -11,17 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pycocotools import mask as coco
 
-from schemas.detections import Detection, Mask
 from schemas.keys import CameraKey
 from services.detector.model import DetectedObjects, ModelError, Request
 from services.detector.runtime.loading import load, load_all
-from services.detector.runtime.pipeline import Pipeline
 from services.detector.runtime.torch_engine import TorchEngine
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from tests.services.detector.requests import frame_of
-from tests.services.detector.views import near_view
 
 
 def settings(folder: Path, **fields: object) -> DetectorSettings:
@@ -193,68 +188,6 @@ def test_an_input_that_can_be_none_is_refused_unless_another_is_asked_for(
     said = f"--model {model}: trained at {side} pixels, not at 32 to 4096: --image-size?"
     assert refusal(model_folder, model=model) == said
     load(settings(model_folder, model=model, image_size=96), model_folder / "ultralytics").close()
-
-
-def test_the_shipped_masks_are_refined_and_those_of_weights_without_a_refiner_are_not(
-    tmp_path: Path, model_folder: Path
-) -> None:
-    import torch  # noqa: PLC0415 - as above
-
-    refined = load(settings(model_folder), model_folder / "ultralytics")
-    weights = torch.load(SHIPPED_MODEL, weights_only=False)
-    torch.save({name: value for name, value in weights.items() if name != "mask_refiner"}, tmp_path / "coarse.pt")
-    coarse = load(settings(model_folder, model=str(tmp_path / "coarse.pt")), model_folder / "ultralytics")
-    unrefined = load(settings(model_folder, refine=False), model_folder / "ultralytics")
-    fine, rough = objects_in(refined), objects_in(coarse)
-    assert objects_in(unrefined) == rough
-    assert [(each.name, each.score) for each in fine] == [(each.name, each.score) for each in rough]
-    for one, other in zip(fine, rough, strict=True):
-        assert one.mask != other.mask
-        assert iou(one.mask, other.mask) > 0.3
-
-
-@pytest.mark.parametrize(
-    ("runtime", "said"),
-    [("torch", []), ("onnx", ["masks are refined under onnx"]), ("openvino", ["masks are refined under onnx"])],
-)
-def test_masks_are_refined_under_torch_where_the_model_runs_under_it_else_under_onnx(
-    model_folder: Path, runtime: str, said: list[str], caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level(logging.INFO)
-    model = load(settings(model_folder, runtime=runtime), model_folder / "ultralytics")
-    assert [line for line in caplog.messages if "masks" in line] == said
-    assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
-    differs = "differs from torch"  # where the processor knows bfloat16, OpenVINO computes in it
-    assert [each for each in model.remarks if runtime != "openvino" or differs not in each] == []
-
-
-def test_a_refiner_that_does_not_work_under_a_runtime_works_under_torch(
-    model_folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    def fail(*_: object) -> bytes:
-        raise RuntimeError("no such operator")
-
-    monkeypatch.setattr("services.detector.runtime.refinement.exporting.onnx_of", fail)
-    model = load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics")
-    assert caplog.messages == ["masks are refined under torch: onnx cannot: no such operator"]
-    assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
-
-
-def objects_in(model: Pipeline) -> list[Detection]:
-    """Return what a model finds in a view that has something near in it."""
-    (outcome,) = model.run([Request(CameraKey("r1", "front"), frame_of(near_view()), masks=True)])
-    model.close()
-    assert isinstance(outcome, DetectedObjects)
-    assert outcome.objects
-    return outcome.objects
-
-
-def iou(one: Mask | None, other: Mask | None) -> float:
-    """Return how well two masks lie on each other."""
-    assert one is not None
-    assert other is not None
-    some, others = ([{"size": list(each.size), "counts": each.counts}] for each in (one, other))
-    return float(coco.iou(some, others, [0])[0, 0])
 
 
 async def test_a_detection_model_finds_boxes_and_says_what_will_be_silent(tmp_path: Path, model_folder: Path) -> None:

@@ -1,0 +1,83 @@
+import logging
+from pathlib import Path
+
+import pytest
+from pycocotools import mask as coco
+
+from schemas.detections import Detection, Mask
+from schemas.keys import CameraKey
+from services.detector.model import DetectedObjects, Request
+from services.detector.runtime import openvino_engine
+from services.detector.runtime.loading import load
+from services.detector.runtime.pipeline import Pipeline
+from services.detector.settings import SHIPPED_MODEL
+from tests.services.detector.requests import frame_of
+from tests.services.detector.runtime.test_loading import settings
+from tests.services.detector.views import near_view
+
+
+def test_the_shipped_masks_are_refined_and_those_of_weights_without_a_refiner_are_not(
+    tmp_path: Path, model_folder: Path
+) -> None:
+    import torch  # noqa: PLC0415 - as above
+
+    refined = load(settings(model_folder), model_folder / "ultralytics")
+    weights = torch.load(SHIPPED_MODEL, weights_only=False)
+    torch.save({name: value for name, value in weights.items() if name != "mask_refiner"}, tmp_path / "coarse.pt")
+    coarse = load(settings(model_folder, model=str(tmp_path / "coarse.pt")), model_folder / "ultralytics")
+    unrefined = load(settings(model_folder, refine=False), model_folder / "ultralytics")
+    fine, rough = objects_in(refined), objects_in(coarse)
+    assert objects_in(unrefined) == rough
+    assert [(each.name, each.score) for each in fine] == [(each.name, each.score) for each in rough]
+    for one, other in zip(fine, rough, strict=True):
+        assert one.mask != other.mask
+        assert iou(one.mask, other.mask) > 0.3
+
+
+@pytest.mark.parametrize(
+    ("runtime", "said"),
+    [("torch", []), ("onnx", ["masks are refined under onnx"]), ("openvino", ["masks are refined under onnx"])],
+)
+def test_masks_are_refined_under_torch_where_the_model_runs_under_it_else_under_onnx(
+    model_folder: Path, runtime: str, said: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    model = load(settings(model_folder, runtime=runtime), model_folder / "ultralytics")
+    assert [line for line in caplog.messages if "masks" in line] == said
+    assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
+    rounds = runtime == "openvino" and computes_in_bfloat16()
+    assert [each for each in model.remarks if not (rounds and "differs from torch" in each)] == []
+
+
+def test_a_refiner_that_does_not_work_under_a_runtime_works_under_torch(
+    model_folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: object) -> bytes:
+        raise RuntimeError("no such operator")
+
+    monkeypatch.setattr("services.detector.runtime.refinement.exporting.onnx_of", fail)
+    model = load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics")
+    assert caplog.messages == ["masks are refined under torch: onnx cannot: no such operator"]
+    assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
+
+
+def computes_in_bfloat16() -> bool:
+    """Return whether OpenVINO does so on this processor."""
+    return "BF16" in openvino_engine.openvino.Core().get_property("CPU", "OPTIMIZATION_CAPABILITIES")
+
+
+def objects_in(model: Pipeline) -> list[Detection]:
+    """Return what a model finds in a view that has something near in it."""
+    (outcome,) = model.run([Request(CameraKey("r1", "front"), frame_of(near_view()), masks=True)])
+    model.close()
+    assert isinstance(outcome, DetectedObjects)
+    assert outcome.objects
+    return outcome.objects
+
+
+def iou(one: Mask | None, other: Mask | None) -> float:
+    """Return how well two masks lie on each other."""
+    assert one is not None
+    assert other is not None
+    some, others = ([{"size": list(each.size), "counts": each.counts}] for each in (one, other))
+    return float(coco.iou(some, others, [0])[0, 0])
