@@ -90,10 +90,9 @@ class HistoryKeeper:
         self._pauses = PauseTracker(inventory, self._sightings)
         self._store: Store | None = None
         self._problem = ""
-        self._had = self._writes = False
         self._leads = settings.history == NONE
         self._leader = ""
-        self._asked = self._follows = self._loaded = False
+        self._had = self._writes = self._asked = self._follows = self._loaded = False
         self._may_lead_s = 0.0
         self._owed = BacklogWriter(owing or NoBacklog())
         self._upkeep = Upkeep(settings.history, settings.history_days)
@@ -284,11 +283,12 @@ class HistoryKeeper:
             some = self._ledger.pending(BATCH)
             await store.write(some)
             self._ledger.written(some)
+        owed = self._owed.snapshot()
         some, changed, acts = self._ledger.pending(BATCH), dict(self._alerts), set(self._new_acts)
         await store.write(some, changed.values(), now_ns, acts)
         self._written(some, changed, acts)
         await self._write_forgotten(store)
-        await self._owed.write(store)
+        await self._owed.write(store, owed)
         if time.monotonic() >= self._poses_due_s:
             await self._write_poses(store)
 

@@ -1,6 +1,7 @@
 """Persists alerts that webhooks have not accepted yet, so that a restart loses none."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 from schemas.alerts import Alert
@@ -35,6 +36,14 @@ class NoBacklog:
         return 0
 
 
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """The backlog after so many changes. owed: alerts by webhook name and id."""
+
+    changes: int
+    owed: Mapping[tuple[str, str], Alert]
+
+
 class BacklogWriter:
     """Writes changes of the backlog."""
 
@@ -50,15 +59,25 @@ class BacklogWriter:
         if not leads:
             self._owing.owe(kept)
 
-    async def write(self, store: Store) -> None:
-        """Write it; after the alerts themselves."""
+    def snapshot(self) -> Snapshot | None:
+        """Return what is owed now, None if nothing of it has changed.
+
+        It is taken before the alerts that are written, and written after them: an alert is kept before it is owed, and
+        upkeep deletes rows of the backlog without their alert.
+        """
         changes = self._owing.owed_changes()
         if changes == self._changes:  # most of the time, and there may be thousands
+            return None
+        return Snapshot(changes, {(name, alert.id): alert for name, alert in self._owing.owed()})
+
+    async def write(self, store: Store, snapshot: Snapshot | None) -> None:
+        """Write a snapshot, if there is one, once its alerts are written."""
+        if snapshot is None:
             return
-        owed = {(name, alert.id): alert for name, alert in self._owing.owed()}
+        owed = snapshot.owed
         waiting = [(name, alert) for (name, alert_id), alert in owed.items() if (name, alert_id) not in self._written]
         taken = self._written - owed.keys()
         if waiting or taken:
             await store.owe(waiting, taken)
             self._written = set(owed)
-        self._changes = changes
+        self._changes = snapshot.changes
