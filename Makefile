@@ -35,22 +35,22 @@ again:
 	@$(BIN)/python -m pytest -n 0 --last-failed --last-failed-no-failures none --maxfail 3
 
 ros:
-	@tests/integration/install-ros.sh
+	@tests/install/ros.sh
 
 postgresql:
-	@tests/integration/install-postgresql.sh
+	@tests/install/postgresql.sh
 
 chromium:
-	@tests/integration/install-chromium.sh
+	@tests/install/chromium.sh
 
 nginx:
-	@tests/integration/install-nginx.sh
+	@tests/install/nginx.sh
 
 containers:
-	@tests/deploy/install-containers.sh
+	@tests/install/containers.sh
 
 screenshots: .venv/.test chromium  ## run the demo and take the pictures that the documentation shows of its page
-	@$(BIN)/python -m tests.integration.screenshots
+	@$(BIN)/python -m tests.integration.page.screenshots
 
 bench: .venv/.bench ros  ## run every benchmark and draw what docs show (BENCHMARKS="gateway space", REPEAT=3)
 	@$(BIN)/python -m benchmarks $(BENCHMARKS) --repeat $(REPEAT); done=$$?; $(BIN)/python -m benchmarks.plots && exit $$done

@@ -61,7 +61,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=3.0, help="length of one measurement (default: 3)")
     arguments = parser.parse_args()
     if not Path(ROSMASTER).exists():
-        parser.error("Debian's ROS 1 is not installed; tests/integration/install-ros.sh installs it")
+        parser.error("Debian's ROS 1 is not installed; tests/install/ros.sh installs it")
     if not may_lock(SHAREABLE_BYTES):
         parser.error(
             f"half of it is with shared memory: that takes leave to lock {SHAREABLE_BYTES >> 20} MiB (ulimit -l)"

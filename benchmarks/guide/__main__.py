@@ -72,7 +72,7 @@ def main(given: Sequence[str] | None = None) -> None:
     parser.add_argument("--instants", type=at_least_one, default=12, help="different views (default: 12)")
     arguments = parser.parse_args(given)
     if not Path(ROSMASTER).exists():
-        parser.error("Debian's ROS 1 is not installed; tests/integration/install-ros.sh installs it")
+        parser.error("Debian's ROS 1 is not installed; tests/install/ros.sh installs it")
     plan = Plan(arguments.instants, arguments.hz, arguments.seconds, arguments.repeats, arguments.slow)
     try:
         found = asyncio.run(measure(plan))

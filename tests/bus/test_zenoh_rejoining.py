@@ -16,7 +16,7 @@ from bus.session.declarations import ZenohWatch
 from tests.bus.sessions import LEASE_S, ROUTER, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of, until
-from tests.integration.severed import Severable, severable
+from tests.integration.network.severed import Severable, severable
 
 KEY: Final = "fleet/r1/front/classes"
 KEPT: Final = 3

@@ -16,9 +16,9 @@ from services.detector.model import DetectedObjects, Failed, Model, Outcome, Req
 from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings
 from tests.schemas.pictures import compressed
-from tests.services.detector.fakes import FakeModel
-from tests.services.detector.requests import request
-from tests.services.detector.views import near_view
+from tests.services.detector.support.fakes import FakeModel
+from tests.services.detector.support.requests import request
+from tests.services.detector.support.views import near_view
 
 
 @pytest.fixture(params=["fake", "torch", "onnx", "openvino"], scope="module")

@@ -13,9 +13,9 @@ from gateway.ros1.master import MasterClient
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from gateway.ros1.xmlrpc.server import XmlRpcServer
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.fakes import FakeSlave
-from tests.gateway.ros1.waiting import until
-from tests.integration.ros import real_master, require_ros
+from tests.gateway.ros1.support.fakes import FakeSlave
+from tests.integration.peers.ros import real_master, require_ros
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable

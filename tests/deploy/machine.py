@@ -25,7 +25,7 @@ def require_containers() -> None:
     """Skip where systems cannot be made or started here, for a reason that is no fault of the project's."""
     missing = [tool for tool in TOOLS if shutil.which(tool) is None]
     if missing:
-        require_debian("containers", missing, how="tests/deploy/install-containers.sh installs it")
+        require_debian("containers", missing, how="tests/install/containers.sh installs it")
     if subprocess.run(["unshare", "--mount", "--pid", "--fork", "true"], capture_output=True, check=False).returncode:
         pytest.skip("this machine does not let its user make namespaces: run the tests as root")
     if sys.version_info[:2] != DEBIANS_PYTHON:

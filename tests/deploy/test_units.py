@@ -35,7 +35,7 @@ UNITS = ["gateway", "space@distance", "space@cloud", "monitor", "detector", "wor
 
 @pytest.mark.parametrize("unit", UNITS)
 def test_systemd_has_nothing_to_say_against_the_units(root: Path, unit: str) -> None:
-    require_debian("systemd", [ANALYZE], how="tests/integration/install-ros.sh installs it")
+    require_debian("systemd", [ANALYZE], how="tests/install/ros.sh installs it")
     command = [ANALYZE, "verify", "--man=no", f"--root={root}", f"fleetsight-{unit}.service"]
     said = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (said.returncode, said.stdout, said.stderr) == (0, "", "")
@@ -48,7 +48,7 @@ def test_a_unit_allows_as_many_files_as_a_router_may_have_links(name: str) -> No
 
 
 def test_a_setting_that_systemd_does_not_know_is_told(root: Path) -> None:
-    require_debian("systemd", [ANALYZE], how="tests/integration/install-ros.sh installs it")
+    require_debian("systemd", [ANALYZE], how="tests/install/ros.sh installs it")
     unit = root / SYSTEM.relative_to("/") / "fleetsight-gateway.service"
     unit.write_text(unit.read_text(encoding="utf-8").replace("ProtectClock=", "ProtectClocks="), encoding="utf-8")
     command = [ANALYZE, "verify", "--man=no", f"--root={root}", unit.name]

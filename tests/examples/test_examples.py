@@ -24,7 +24,7 @@ from services.detector.requests import answering
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import PATIENCE_S, next_of, until
 from tests.fleetsight.stand_in import FRONT, stand_in
-from tests.services.detector.fakes import FakeModel
+from tests.services.detector.support.fakes import FakeModel
 
 ROOT: Final = Path(__file__).parents[2]
 EXAMPLES: Final = ROOT / "examples"

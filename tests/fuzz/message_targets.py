@@ -21,7 +21,7 @@ from schemas.errors import SchemaError
 from tests.fuzz.odd_values import something
 from tests.fuzz.target import LeftOutError, Target
 from tests.gateway import sensing
-from tests.gateway.ros1.goldens import IMAGE
+from tests.gateway.ros1.golden.messages import IMAGE
 from tests.gateway.ros1.msg.building import built
 from tests.gateway.to_bus.translators.rvl_coding import rvl_of
 from tests.gateway.to_bus.translators.translating import forward

@@ -23,8 +23,7 @@ from gateway.ros1.tcpros.service_client import TRIGGER, deserialise_response
 from gateway.ros1.wire.header import decode_header
 from gateway.ros1.wire.service import ServiceAnswered, ServiceConnection
 from gateway.ros1.wire.tcpros import Offer, PublisherConnection, SubscriberConnection, TopicType
-from tests.gateway.ros1.feeding import decode, events_of
-from tests.gateway.ros1.goldens import (
+from tests.gateway.ros1.golden.messages import (
     IMAGE,
     IMAGE_MD5,
     PUBLISHER_HEADER,
@@ -36,6 +35,7 @@ from tests.gateway.ros1.goldens import (
     SUBSCRIBER_HEADER,
     TOPIC,
 )
+from tests.gateway.ros1.support.feeding import decode, events_of
 
 IMAGE_TYPE = TopicType("sensor_msgs/Image", IMAGE_MD5)
 TYPES = (

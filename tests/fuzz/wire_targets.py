@@ -30,8 +30,7 @@ from services.simulator.ros_master.api import MasterApi
 from tests.fuzz.mutation import pieces
 from tests.fuzz.odd_values import something
 from tests.fuzz.target import Target
-from tests.gateway.ros1.feeding import decode, events_of
-from tests.gateway.ros1.goldens import (
+from tests.gateway.ros1.golden.messages import (
     IMAGE,
     IMAGE_MD5,
     PUBLISHER_HEADER,
@@ -45,6 +44,7 @@ from tests.gateway.ros1.goldens import (
     SUBSCRIBER_HEADER,
     TOPIC,
 )
+from tests.gateway.ros1.support.feeding import decode, events_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

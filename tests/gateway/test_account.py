@@ -24,7 +24,7 @@ from schemas.consumer_keys import Wanted
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, StreamStatus
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 COLOR = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
 TOPICS = ("/front/color/image_raw", "/front/image_raw")

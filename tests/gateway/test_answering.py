@@ -18,8 +18,8 @@ from schemas import codec, keys
 from schemas.ros import ServiceRequest, ServiceResponse
 from schemas.status import ClockReading
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.services import answer, fake_service, service_header
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.support.services import answer, fake_service, service_header
+from tests.waiting import until
 
 DONE = answer(b"\1\4\0\0\0done")
 

@@ -21,7 +21,7 @@ from schemas.keys import CameraKey, Stream, StreamKey
 from services.simulator.ros_master.master import RosMaster
 from tests.gateway.discovery.graphs import IMAGE, graph
 from tests.gateway.offering import new_offers
-from tests.gateway.ros1.cancelling import cancel_everywhere, nothing_registered
+from tests.gateway.ros1.support.cancelling import cancel_everywhere, nothing_registered
 
 FRONT = CameraKey("r1", "front")
 TOPIC = "/front/color/image_raw"

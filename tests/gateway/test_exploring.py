@@ -20,8 +20,8 @@ from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from services.simulator.ros_master.master import RosMaster
 from services.toolbox.demo.children import free_ports
 from tests.gateway.offering import new_offers
-from tests.gateway.ros1.waiting import until
 from tests.gateway.to_bus.translators.test_cloud_image import EMPTY, UNORDERED, colored
+from tests.waiting import until
 
 FRONT = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
 FRONT_TOPIC, REAR_TOPIC = "/front/color/image_raw", "/rear/color/image_raw"

@@ -21,9 +21,9 @@ from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
 from schemas.points import PointCloud
 from services.simulator.ros_master.master import RosMaster
 from tests.gateway.offering import Returned, new_offers, returned_in_root
-from tests.gateway.ros1.waiting import until
 from tests.gateway.to_bus.test_forward import message
 from tests.gateway.to_bus.translators.test_cloud_image import colored
+from tests.waiting import until
 
 FRONT, REAR = (CameraKey("r1", name) for name in ("front", "rear"))
 COLOR, DEPTH = StreamKey(FRONT, Stream.COLOR), StreamKey(FRONT, Stream.DEPTH)

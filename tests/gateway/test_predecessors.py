@@ -11,8 +11,8 @@ from gateway.ros1.xmlrpc.client import XmlRpcClient
 from gateway.ros1.xmlrpc.server import XmlRpcServer
 from services.simulator.ros_master.master import RosMaster
 from services.toolbox.demo.children import free_ports
-from tests.gateway.ros1.fakes import FakeSlave
-from tests.gateway.ros1.nodes import node
+from tests.gateway.ros1.support.fakes import FakeSlave
+from tests.gateway.ros1.support.nodes import node
 
 TOPIC, TYPE = "/front/color/image_raw", "sensor_msgs/Image"
 OWN = f"/{node_name('r1', 'a' * 32)}"

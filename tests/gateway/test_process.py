@@ -14,7 +14,7 @@ from schemas import codec, keys
 from schemas.status import GatewayStatus
 from services.simulator.ros_master.master import RosMaster
 from services.toolbox.demo.children import free_ports
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 
 async def test_a_gateway_starts_without_its_master_says_so_and_goes_on_when_it_comes() -> None:

@@ -9,7 +9,7 @@ from gateway.ros1.sim_clock import PARAMETER, TOPIC, TYPE_NAME, SimClock
 from gateway.sim_time import follow_sim_time
 from services.simulator.ros_master.master import RosMaster
 from services.toolbox.logs import RateLimit, RateLimitFilter
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 POLL_S = 0.05
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.integration.ros import RosEnvironment, real_master, require_ros
+from tests.integration.peers.ros import RosEnvironment, real_master, require_ros
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

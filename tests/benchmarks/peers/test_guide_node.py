@@ -17,7 +17,7 @@ from gateway.ros1.node import Node
 from gateway.ros1.tcpros.subscriber import Message
 from gateway.to_ros.outputs import STRING
 from services.detector.settings import SHIPPED_MODEL
-from tests.integration.ros import require_ros
+from tests.integration.peers.ros import require_ros
 
 
 async def heard() -> dict[str, bytes]:

@@ -6,8 +6,8 @@ import pytest
 from gateway.doctor.robot import PoliteClient
 from gateway.ros1.errors import StatusError, UnreachableError
 from gateway.ros1.xmlrpc.server import XmlRpcServer
-from tests.gateway.ros1.fakes import FakeSlave
-from tests.integration.ros import free_port
+from tests.gateway.ros1.support.fakes import FakeSlave
+from tests.integration.peers.ros import free_port
 
 
 async def test_answers_come_as_ever() -> None:

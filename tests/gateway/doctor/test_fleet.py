@@ -16,7 +16,7 @@ from tests.bus.certificates import certificate, make_certificates
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of
 from tests.gateway.doctor.seeing import status
-from tests.integration.ros import free_port
+from tests.integration.peers.ros import free_port
 
 SECONDS = 0.3
 

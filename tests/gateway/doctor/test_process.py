@@ -6,7 +6,7 @@ from gateway.doctor.process import UNWELL, run
 from gateway.doctor.settings import DoctorSettings
 from services.simulator.ros_master.master import RosMaster
 from services.toolbox.settings import load
-from tests.integration.ros import free_port
+from tests.integration.peers.ros import free_port
 
 
 def settings(*options: str) -> DoctorSettings:

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.doctor.evidence import Failure, HostLook, Router, Trouble
 from gateway.doctor.reachability import is_ours, look_at_host, look_at_router, reach, resolve
-from tests.integration.ros import free_port
+from tests.integration.peers.ros import free_port
 
 PATIENCE_S = 5.0
 

@@ -24,10 +24,10 @@ from schemas.keys import sensor_key
 from schemas.ros import RawMessage, Text
 from services.simulator.ros_master.master import RosMaster
 from tests.gateway.doctor.seeing import evidence
-from tests.gateway.ros1.fakes import FakeSlave, fake_publisher
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.support.fakes import FakeSlave, fake_publisher
 from tests.gateway.sensing import camera_info, point_cloud
-from tests.integration.ros import free_port
+from tests.integration.peers.ros import free_port
+from tests.waiting import until
 
 STRING = "std_msgs/String"
 CHAT = {sensor_key("r1", "text/chat"): "/chat"}

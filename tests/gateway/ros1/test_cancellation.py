@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gateway.ros1.node import Node
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.cancelling import cancel_everywhere, nothing_registered
+from tests.gateway.ros1.support.cancelling import cancel_everywhere, nothing_registered
 
 if TYPE_CHECKING:
     from gateway.ros1.tcpros.subscriber import Message

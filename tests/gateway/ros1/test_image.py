@@ -9,7 +9,7 @@ from gateway.ros1.errors import MessageError
 from gateway.ros1.image import Image, decode_image, encode_image
 from gateway.ros1.messages import deserialise, new_message, serialise
 from gateway.ros1.wire.text import MAX_TEXT_BYTES
-from tests.gateway.ros1.goldens import IMAGE
+from tests.gateway.ros1.golden.messages import IMAGE
 
 uint32 = st.integers(0, 2**32 - 1)
 texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=40)

@@ -10,7 +10,7 @@ from gateway.ros1.errors import XmlRpcError
 from gateway.ros1.master import MasterClient, SystemState
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from gateway.ros1.xmlrpc.server import XmlRpcServer
-from tests.gateway.ros1.fakes import FakeSlave
+from tests.gateway.ros1.support.fakes import FakeSlave
 
 
 async def ask(method: str, *arguments: Any, answer: Any) -> Any:

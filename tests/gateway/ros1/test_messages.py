@@ -5,7 +5,7 @@ import pytest
 from gateway.ros1.errors import InvalidNameError, MessageError, UnknownTypeError
 from gateway.ros1.messages import ANY_TYPE, Time, deserialise, message_type, new_message, serialise, service_type
 from gateway.ros1.wire.header import decode_header
-from tests.gateway.ros1.goldens import IMAGE, PUBLISHER_HEADER
+from tests.gateway.ros1.golden.messages import IMAGE, PUBLISHER_HEADER
 
 
 @pytest.mark.parametrize(

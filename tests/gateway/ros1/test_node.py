@@ -10,8 +10,8 @@ from gateway.ros1.errors import InvalidNameError, Ros1Error, StatusError, Unknow
 from gateway.ros1.node import Node
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.nodes import node
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.support.nodes import node
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

@@ -9,7 +9,7 @@ from gateway.ros1.errors import StatusError
 from gateway.ros1.node import Node
 from gateway.ros1.xmlrpc.server import XmlRpcServer
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 if TYPE_CHECKING:
     import pytest

@@ -17,8 +17,8 @@ from gateway.ros1.wire.tcpros import TopicType
 from gateway.ros1.wire.xmlrpc import MethodResponse, encode
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.waiting import until
 from tests.gateway.ros1.xmlrpc.test_xmlrpc_client import ok, peer
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -13,7 +13,7 @@ from gateway.ros1.master import MasterClient, SystemState
 from gateway.ros1.stale_nodes import unregister_dead
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from services.toolbox.demo.children import free_ports
-from tests.gateway.ros1.nodes import node
+from tests.gateway.ros1.support.nodes import node
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

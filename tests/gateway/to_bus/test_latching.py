@@ -11,7 +11,7 @@ from schemas import codec
 from schemas.header import Header
 from schemas.keys import RobotStreamKey
 from schemas.ros import Text
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 STREAM = RobotStreamKey("r1", "text/mode")
 KEY = str(STREAM)

@@ -12,7 +12,7 @@ from gateway.ros1.tcpros.subscriber import Message, Subscription
 from gateway.to_bus import subscriptions
 from gateway.to_bus.subscriptions import Subscriptions
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 STRING = "std_msgs/String"
 WORD = b"\x02\x00\x00\x00hi"

@@ -25,12 +25,12 @@ from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.cancelling import cancel_everywhere, nothing_registered
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.support.cancelling import cancel_everywhere, nothing_registered
 from tests.gateway.to_ros.lists import class_list
 from tests.gateway.to_ros.namespaces import IN_ROOT
 from tests.gateway.to_ros.overlays import overlay
 from tests.schemas.results import action, alert
+from tests.waiting import until
 
 FRONT = CameraKey("r1", "front")
 KEY = FRONT.stream(Stream.CLASSES)

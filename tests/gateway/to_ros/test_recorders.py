@@ -10,7 +10,7 @@ from gateway.ros1.node import Node
 from gateway.to_ros.outputs import STRING, cure, recorders
 from gateway.to_ros.recorders import warn_of_recorders
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 RESULTS = ("/ultralytics/detection/classes", "/ultralytics/detection/distance", "/ultralytics/alerts")
 RECORDER = "/record_1764000000"

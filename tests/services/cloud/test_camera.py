@@ -18,8 +18,8 @@ from services.cloud.camera import POINTS_WAITING, CloudCamera
 from services.cloud.measuring import CloudLimits
 from services.cloud.waiting import FAILED, TOO_MANY_POINTS
 from services.geometry.memory_budget import MemoryBudget
-from tests.gateway.ros1.waiting import until
 from tests.services.cloud.test_worker import FRONT, Rig, found, registered
+from tests.waiting import until
 
 
 class Publisher:

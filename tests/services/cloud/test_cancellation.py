@@ -10,9 +10,9 @@ from schemas import codec
 from schemas.keys import Stream
 from services.cloud.process import CloudWorker
 from services.cloud.settings import CloudSettings
-from tests.gateway.ros1.cancelling import cancel_everywhere
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.support.cancelling import cancel_everywhere
 from tests.services.cloud.test_worker import FRONT, Rig, found, registered
+from tests.waiting import until
 
 SENT = {Stream.POINTS: codec.encode(registered(3)), Stream.DETECTIONS: codec.encode(found(3))}
 

@@ -9,10 +9,10 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import WorkerAlive
 from services.detector.process import DetectorWorker
-from tests.gateway.ros1.cancelling import cancel_everywhere
-from tests.gateway.ros1.waiting import until
-from tests.services.detector.fakes import FakeModel
+from tests.gateway.ros1.support.cancelling import cancel_everywhere
+from tests.services.detector.support.fakes import FakeModel
 from tests.services.detector.test_worker import frame
+from tests.waiting import until
 
 ME = WorkerAlive("detector", "w1")
 FRONT = CameraKey("r1", "front")

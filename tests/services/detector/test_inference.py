@@ -25,7 +25,7 @@ from services.detector.tracking.tracks import Tracking
 from services.toolbox.logs import RateLimit, RateLimitFilter
 from tests.contract.waiting import PATIENCE_S, next_of, until
 from tests.schemas.frames import header, image
-from tests.services.detector.told_model import FATAL, ToldModel
+from tests.services.detector.support.told_model import FATAL, ToldModel
 
 CAMERAS = [CameraKey("r1", f"c{number}") for number in range(4)]
 

@@ -9,7 +9,7 @@ from services.detector.overlay import Picture, caption, color_of, drawings, over
 from services.detector.runtime.masks import encode_all
 from services.geometry.errors import MaskError
 from services.geometry.masks import Window
-from tests.services.detector.requests import frame_of
+from tests.services.detector.support.requests import frame_of
 
 HEIGHT, WIDTH = 120, 160
 

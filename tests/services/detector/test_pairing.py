@@ -4,9 +4,9 @@ from schemas.detections import Box, Detection, Mask
 from schemas.tuning import Tuning
 from services.detector.model import SILENT, DetectedObjects, Failed, ModelError, Request, TuningError
 from services.detector.pairing import PairedModel, joined
-from tests.services.detector.fakes import FakeModel
+from tests.services.detector.support.fakes import FakeModel
+from tests.services.detector.support.told_model import ToldModel
 from tests.services.detector.test_worker import FRONT, frame
-from tests.services.detector.told_model import ToldModel
 
 MASK, OTHER = Mask((4, 6), "abc"), Mask((4, 6), "abd")
 PLACE, BESIDE = Box(0, 0, 10, 10), Box(0, 0, 10, 4)

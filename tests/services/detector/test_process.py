@@ -17,7 +17,7 @@ from services.detector.process import FAILED, run, work
 from services.detector.settings import DetectorSettings
 from services.toolbox.demo.children import free_ports
 from tests.contract.waiting import PATIENCE_S, until
-from tests.services.detector.fakes import FakeModel
+from tests.services.detector.support.fakes import FakeModel
 from tests.services.detector.test_requests import png
 from tests.services.detector.test_worker import FRONT, frame
 

@@ -20,7 +20,7 @@ from services.detector.model import ModelError
 from services.detector.requests import answering
 from services.detector.stills import frame_of
 from tests.contract.waiting import PATIENCE_S
-from tests.services.detector.fakes import FakeModel
+from tests.services.detector.support.fakes import FakeModel
 
 
 def png(color: tuple[int, int, int] = (9, 8, 7)) -> bytes:

@@ -12,7 +12,7 @@ from schemas.worker_keys import WorkerAlive
 from services.detector.process import DetectorWorker
 from services.detector.tuning import deviations
 from tests.contract.waiting import receive
-from tests.services.detector.fakes import FakeModel
+from tests.services.detector.support.fakes import FakeModel
 
 CONFIGURED = Tuning(confidence=0.25, iou=0.7, max_detections=300, classes=[])
 

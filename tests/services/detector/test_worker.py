@@ -23,7 +23,7 @@ from services.detector.process import DetectorWorker
 from tests.contract.waiting import PATIENCE_S, receive, until
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
-from tests.services.detector.fakes import FakeModel
+from tests.services.detector.support.fakes import FakeModel
 
 ME = WorkerAlive("detector", "w1")
 FRONT, REAR = CameraKey("r1", "front"), CameraKey("r1", "rear")

@@ -20,7 +20,7 @@ from services.detector.process import DetectorWorker
 from services.detector.requests import answering
 from services.detector.worker_role import DETECTOR, OPINION
 from tests.contract.waiting import next_of, receive, until
-from tests.services.detector.fakes import FakeModel
+from tests.services.detector.support.fakes import FakeModel
 from tests.services.detector.test_worker import FRONT, Rig, frame, loads_after
 
 COUNTED = (Stream.CLASSES, Stream.DETECTIONS, Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)

@@ -20,7 +20,7 @@ from schemas.transforms import Transforms
 from services.distance.process import DistanceWorker
 from services.distance.settings import DistanceSettings
 from tests.contract.waiting import receive
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 FRONT: Final = CameraKey("r1", "front")
 STREAMS: Final[dict[Stream, tuple[type[msgspec.Struct], QoS]]] = {

@@ -6,10 +6,10 @@ from concurrent.futures import ThreadPoolExecutor
 from bus import QUEUE
 from bus.fake import FakeNetwork
 from schemas.keys import Stream
-from tests.gateway.ros1.cancelling import cancel_everywhere
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.support.cancelling import cancel_everywhere
 from tests.services.distance.rig import FRONT, robot, working
 from tests.services.distance.scenes import depth, detections, found, mask, wall
+from tests.waiting import until
 
 BOX = found(mask(slice(10, 30), slice(20, 50)))
 

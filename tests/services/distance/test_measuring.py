@@ -10,8 +10,8 @@ from services.geometry.depth import Depth
 from services.geometry.errors import CalibrationError
 from services.simulator.world import Camera, Drive, generate, render
 from tests.schemas.masks import coco_mask
-from tests.services.detector.views import NEAR_VIEWS
-from tests.services.detector.views import View as Near
+from tests.services.detector.support.views import NEAR_VIEWS
+from tests.services.detector.support.views import View as Near
 from tests.services.distance.scenes import FRAME, HEIGHT, WIDTH, found, mask, wall
 from tests.services.geometry.cameras import LENSES, camera
 

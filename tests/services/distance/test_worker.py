@@ -21,7 +21,6 @@ from services.distance.camera import WAITED
 from services.distance.sensor_input import DOUBLE
 from services.worker.stamp_joiner import FLUSHED
 from tests.contract.waiting import receive
-from tests.gateway.ros1.waiting import until
 from tests.services.distance.rig import FRONT, Robot, load, only, robot, working
 from tests.services.distance.scenes import (
     FRAME,
@@ -35,6 +34,7 @@ from tests.services.distance.scenes import (
     transforms,
     wall,
 )
+from tests.waiting import until
 
 HOUR_NS = 3_600 * 10**9
 BOX = found(mask(slice(10, 30), slice(20, 50)))

@@ -9,8 +9,8 @@ from services.simulator.bags import START_NS, check_room, write_bags
 from services.simulator.errors import BagError
 from services.simulator.robot import Robot
 from services.simulator.topics import Stream, topics
-from tests.gateway.ros1.waiting import until
 from tests.services.simulator.small import film, robot
+from tests.waiting import until
 
 
 def names_in(folder: Path) -> list[str]:

@@ -17,8 +17,8 @@ from services.simulator.live import LiveRobot
 from services.simulator.robot import Robot
 from services.simulator.ros_master.master import RosMaster
 from services.simulator.topics import Content, Stream, topics
-from tests.gateway.ros1.waiting import until
 from tests.services.simulator.small import ALIGNED, FRAMES, HZ, PLENTY
+from tests.waiting import until
 
 COLOR_TOPIC = "/camera/color/image_raw"
 

@@ -13,7 +13,7 @@ from gateway.ros1.resolver import Resolver
 from gateway.ros1.tcpros.link import run_link
 from gateway.ros1.wire.framing import FrameBudget
 from gateway.ros1.wire.tcpros import MessageReceived, SubscriberConnection, SubscriberEvent, TopicType
-from tests.gateway.ros1.goldens import IMAGE, IMAGE_MD5, PUBLISHER_HEADER, TOPIC
+from tests.gateway.ros1.golden.messages import IMAGE, IMAGE_MD5, PUBLISHER_HEADER, TOPIC
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

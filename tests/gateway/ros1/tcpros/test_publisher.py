@@ -11,7 +11,7 @@ import pytest
 
 from gateway.ros1.tcpros.publisher import Publication
 from gateway.ros1.wire.tcpros import Offer, SubscriberAccepted, TopicType, message_prefix
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable

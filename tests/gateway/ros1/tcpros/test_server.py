@@ -11,8 +11,8 @@ from gateway.ros1.tcpros.publisher import Publication
 from gateway.ros1.tcpros.server import TcprosServer
 from gateway.ros1.wire.header import decode_header, encode_header
 from gateway.ros1.wire.tcpros import Offer, TopicType
-from tests.gateway.ros1.goldens import IMAGE_MD5, SUBSCRIBER_HEADER, TOPIC
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.golden.messages import IMAGE_MD5, SUBSCRIBER_HEADER, TOPIC
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

@@ -21,9 +21,9 @@ from gateway.ros1.wire.header import encode_header
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.cancelling import cancel_everywhere
-from tests.gateway.ros1.services import answer, fake_service, service_header
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.support.cancelling import cancel_everywhere
+from tests.gateway.ros1.support.services import answer, fake_service, service_header
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

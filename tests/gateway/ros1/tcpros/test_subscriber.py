@@ -15,9 +15,9 @@ from gateway.ros1.wire.tcpros import message_prefix
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from gateway.ros1.xmlrpc.server import XmlRpcServer
 from services.simulator.ros_master.master import RosMaster
-from tests.gateway.ros1.fakes import FakeSlave, fake_publisher
-from tests.gateway.ros1.nodes import node
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.support.fakes import FakeSlave, fake_publisher
+from tests.gateway.ros1.support.nodes import node
+from tests.waiting import until
 
 STRING = "std_msgs/String"
 DEAD_URI = "http://127.0.0.1:9/"

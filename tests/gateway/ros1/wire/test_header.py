@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gateway.ros1.errors import HeaderError
 from gateway.ros1.wire.header import MAX_FIELDS, MAX_HEADER_BYTES, decode_header, encode_header
-from tests.gateway.ros1.goldens import IMAGE_MD5, PUBLISHER_HEADER, PUBLISHER_REFUSAL, SUBSCRIBER_HEADER, TOPIC
+from tests.gateway.ros1.golden.messages import IMAGE_MD5, PUBLISHER_HEADER, PUBLISHER_REFUSAL, SUBSCRIBER_HEADER, TOPIC
 
 keys = st.text(st.characters(exclude_characters="=", exclude_categories=["Cs"]), min_size=1, max_size=20)
 values = st.text(st.characters(exclude_categories=["Cs"]), max_size=200)

@@ -8,7 +8,7 @@ import pytest
 from gateway.ros1.errors import HttpError, XmlRpcError
 from gateway.ros1.wire.http import MAX_HEAD_BYTES, ClientExchange, ServerExchange
 from gateway.ros1.wire.xmlrpc import MethodCall, MethodResponse, encode
-from tests.gateway.ros1.goldens import PYTHON2_STATE, PYTHON2_SUBSCRIBED, PYTHON2_UNSET, PYTHON2_UPDATE, TOPIC
+from tests.gateway.ros1.golden.messages import PYTHON2_STATE, PYTHON2_SUBSCRIBED, PYTHON2_UNSET, PYTHON2_UPDATE, TOPIC
 
 CALL = MethodCall("getPid", ("/ours",))
 BODY = encode(CALL)

@@ -18,7 +18,7 @@ from gateway.ros1.wire.service import (
     ServiceFailed,
 )
 from gateway.ros1.wire.tcpros import TopicType
-from tests.gateway.ros1.goldens import SERVICE_ANSWER, SERVICE_FAILURE, SERVICE_HEADER, SERVICE_REFUSAL
+from tests.gateway.ros1.golden.messages import SERVICE_ANSWER, SERVICE_FAILURE, SERVICE_HEADER, SERVICE_REFUSAL
 
 ANY = TopicType("*", "*")
 

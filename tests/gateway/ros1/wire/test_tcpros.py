@@ -20,8 +20,15 @@ from gateway.ros1.wire.tcpros import (
     TopicType,
     message_prefix,
 )
-from tests.gateway.ros1.feeding import events_of, outcome_of
-from tests.gateway.ros1.goldens import IMAGE, IMAGE_MD5, PUBLISHER_HEADER, PUBLISHER_REFUSAL, SUBSCRIBER_HEADER, TOPIC
+from tests.gateway.ros1.golden.messages import (
+    IMAGE,
+    IMAGE_MD5,
+    PUBLISHER_HEADER,
+    PUBLISHER_REFUSAL,
+    SUBSCRIBER_HEADER,
+    TOPIC,
+)
+from tests.gateway.ros1.support.feeding import events_of, outcome_of
 
 IMAGE_TYPE = TopicType("sensor_msgs/Image", IMAGE_MD5)
 STRING_TYPE = TopicType("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1")

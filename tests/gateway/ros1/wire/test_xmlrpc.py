@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from gateway.ros1.errors import FaultError, StatusError, XmlRpcError
 from gateway.ros1.wire.xmlrpc import MAX_DEPTH, Body, Decoder, Fault, MethodCall, MethodResponse, encode, result_of
-from tests.gateway.ros1.feeding import decode
-from tests.gateway.ros1.goldens import REGISTER_PUBLISHER, REGISTER_PUBLISHER_RESPONSE, TOPIC
+from tests.gateway.ros1.golden.messages import REGISTER_PUBLISHER, REGISTER_PUBLISHER_RESPONSE, TOPIC
+from tests.gateway.ros1.support.feeding import decode
 
 # XML itself turns a carriage return into a newline.
 texts = st.text(st.characters(exclude_categories=["Cs", "Cc"], exclude_characters="\ufffe\uffff"), max_size=30)

@@ -9,7 +9,7 @@ import pytest
 from gateway.ros1.wire.xmlrpc import MethodCall, encode
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from gateway.ros1.xmlrpc.server import XmlRpcServer
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

@@ -6,7 +6,7 @@ from contextlib import AsyncExitStack
 import pytest
 
 from gateway.ros1.xmlrpc.client import AT_A_HOST, IN_ALL, CallSlots
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 
 async def take(places: CallSlots, taken: list[str], leave: asyncio.Event, host: str) -> None:

@@ -9,7 +9,7 @@ from gateway.to_bus.shaping.settings import ShapingSettings
 from gateway.to_bus.shaping.shaping import Shaping
 from gateway.to_bus.translators import kind_of
 from schemas.keys import sensor_key
-from tests.gateway.ros1.cancelling import cancel_everywhere
+from tests.gateway.ros1.support.cancelling import cancel_everywhere
 from tests.gateway.to_bus.shaping.rig import numbered
 
 COLOR = sensor_key("r1", "front/color")

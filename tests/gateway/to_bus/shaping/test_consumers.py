@@ -11,7 +11,7 @@ from schemas import codec
 from schemas.budget import RateBudget
 from schemas.consumer_keys import Wanted
 from schemas.keys import CameraKey, Stream, StreamKey
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 COLOR = StreamKey(CameraKey("r1", "front"), Stream.COLOR)
 DEPTH = StreamKey(CameraKey("r1", "front"), Stream.DEPTH)

@@ -8,9 +8,9 @@ from gateway.to_bus.shaping.compression import LOSSY, NONE
 from gateway.to_bus.shaping.encoder_pool import EncodeJob, EncoderPool, Shaped
 from schemas import codec
 from schemas.image import ImageFrame
-from tests.gateway.ros1.waiting import until
 from tests.gateway.to_bus.shaping.frames import cloud, frame, picture
 from tests.schemas.pictures import compressed, file_of
+from tests.waiting import until
 
 
 class Recorder:

@@ -2,7 +2,7 @@ import asyncio
 
 from bus import Payload
 from gateway.to_bus.shaping.uplink_pacer import Pacer
-from tests.gateway.ros1.waiting import until
+from tests.waiting import until
 
 BYTES_PER_S = 100_000
 

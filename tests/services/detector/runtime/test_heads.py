@@ -15,7 +15,7 @@ from services.detector.model import DetectedObjects, ModelError
 from services.detector.runtime import postprocess
 from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings
-from tests.services.detector.requests import request
+from tests.services.detector.support.requests import request
 
 pytestmark = pytest.mark.usefixtures("shut_network", "covered_masks")
 

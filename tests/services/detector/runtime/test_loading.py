@@ -16,7 +16,7 @@ from services.detector.model import DetectedObjects, ModelError, Request
 from services.detector.runtime.loading import load, load_all
 from services.detector.runtime.torch_engine import TorchEngine
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
-from tests.services.detector.requests import frame_of
+from tests.services.detector.support.requests import frame_of
 
 
 def settings(folder: Path, **fields: object) -> DetectorSettings:

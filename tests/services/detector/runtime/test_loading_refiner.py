@@ -10,9 +10,9 @@ from services.detector.model import DetectedObjects, Request
 from services.detector.runtime.loading import load
 from services.detector.runtime.pipeline import Pipeline
 from services.detector.settings import SHIPPED_MODEL
-from tests.services.detector.requests import frame_of
 from tests.services.detector.runtime.test_loading import settings
-from tests.services.detector.views import near_view
+from tests.services.detector.support.requests import frame_of
+from tests.services.detector.support.views import near_view
 
 
 def test_the_shipped_masks_are_refined_and_those_of_weights_without_a_refiner_are_not(

@@ -17,8 +17,8 @@ from services.detector.runtime.pipeline import Pipeline
 from services.detector.runtime.postprocess import Output
 from services.detector.runtime.refinement.refiner import SIDE, CloseUps, Refined
 from services.geometry.masks import decode
-from tests.services.detector.requests import request
 from tests.services.detector.runtime.engines import FACTS, NONSENSE, BrightEngine, output
+from tests.services.detector.support.requests import request
 
 DETECTION = replace(FACTS, segments=False)
 BLANK = np.zeros((1, 32, 32, 3), np.uint8)

@@ -15,8 +15,8 @@ from services.detector.runtime.offline import keep_offline
 from services.detector.settings import DetectorSettings
 from services.detector.tracking.confirmed_tracks import NEUTRAL, neutral_score
 from services.detector.tracking.tracks import Tracker
-from tests.services.detector.fakes import FakeModel
-from tests.services.detector.requests import frame_of
+from tests.services.detector.support.fakes import FakeModel
+from tests.services.detector.support.requests import frame_of
 
 
 @pytest.mark.parametrize("kind", ["bytetrack", "botsort"])

@@ -60,7 +60,7 @@ class PostgreSQL:
 def running_postgresql() -> Iterator[PostgreSQL]:
     """Run a server; skip, or fail in CI, where there is none."""
     found = sorted(ROOT.glob("*/bin/postgres")) or [ROOT / "bin" / "postgres"]
-    require_debian("PostgreSQL", found, how="tests/integration/install-postgresql.sh installs it")
+    require_debian("PostgreSQL", found, how="tests/install/postgresql.sh installs it")
     folder = Path(tempfile.mkdtemp(prefix="fleetsight-postgresql-"))
     if os.geteuid() == 0:
         shutil.chown(folder, USER)

@@ -7,8 +7,8 @@ from gateway.ros1.tasks import TaskScope
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from gateway.ros1.xmlrpc.server import XmlRpcServer
 from services.simulator.ros_master.master import NodeNotifier
-from tests.gateway.ros1.fakes import FakeSlave
-from tests.gateway.ros1.waiting import until
+from tests.gateway.ros1.support.fakes import FakeSlave
+from tests.waiting import until
 
 
 async def test_newer_call_of_one_kind_replaces_an_older_that_still_waits() -> None:

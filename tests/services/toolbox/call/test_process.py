@@ -1,4 +1,4 @@
-"""The command against a server of the test's own; against a gateway and rospy in tests/integration/test_services.py."""
+"""The command against a server of the test's own; against a gateway and rospy in tests/integration/ros_graph."""
 
 import asyncio
 

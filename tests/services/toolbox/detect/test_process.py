@@ -27,7 +27,7 @@ from services.toolbox.detect.process import run, table
 from services.toolbox.detect.settings import DetectSettings
 from tests.contract.waiting import PATIENCE_S
 from tests.schemas.frames import header
-from tests.services.detector.fakes import FakeModel
+from tests.services.detector.support.fakes import FakeModel
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.simulator.world import CLASSES
 from services.toolbox.train.inference import framed, open_follower, open_weights
 from services.training.evaluation.predictor import CONFIDENCE, Predictor
-from tests.services.detector.requests import request
+from tests.services.detector.support.requests import request
 from tests.services.simulator.views import near_view
 
 
