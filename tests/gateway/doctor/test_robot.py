@@ -1,13 +1,12 @@
 """The visit of a ROS graph of ours, with publishers that misbehave; real ones are in the integration tests."""
 
 import asyncio
-from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from typing import Any
 
 import pytest
 
-from gateway.doctor.evidence import Failure, MasterLook, PublisherLook, Trouble
+from gateway.doctor.evidence import Failure, PublisherLook, Trouble
 from gateway.doctor.finding import Severity
 from gateway.doctor.robot import PoliteClient, RobotVisit, planned
 from gateway.doctor.sensors import check_sensors
@@ -31,24 +30,9 @@ from tests.waiting import until
 
 STRING = "std_msgs/String"
 CHAT = {sensor_key("r1", "text/chat"): "/chat"}
+
+
 TEXT = serialise(STRING, new_message(STRING, data="hello"))
-
-
-@pytest.fixture
-async def master() -> AsyncIterator[RosMaster]:
-    async with RosMaster() as running:
-        yield running
-
-
-@pytest.fixture
-def patience_s() -> float:
-    return 20.0
-
-
-@pytest.fixture
-async def client(patience_s: float) -> AsyncIterator[PoliteClient]:
-    async with PoliteClient(timeout=patience_s) as entered:
-        yield entered
 
 
 def visit(client: PoliteClient) -> RobotVisit:
@@ -314,54 +298,3 @@ async def test_streams_of_one_topic_share_one_connection(client: PoliteClient, m
     assert tuple(look.key for look in looks) == keys
     messages = [look.publishers[0].heard.message for look in looks]
     assert (type(messages[0]), type(messages[1])) == (Text, RawMessage)
-
-
-async def test_a_master_on_this_machine(client: PoliteClient, master: RosMaster) -> None:
-    seen = await visit(client).look_at_master(master.uri)
-    assert (seen.uri, seen.trouble, seen.remote, seen.sim_time) == (master.uri, None, False, False)
-
-
-async def test_simulated_time(client: PoliteClient, master: RosMaster) -> None:
-    await client.call(master.uri, "setParam", "/test", "/use_sim_time", True)  # noqa: FBT003 - as XML-RPC has it
-    assert (await visit(client).look_at_master(master.uri)).sim_time
-
-
-async def failed(client: PoliteClient, uri: str) -> MasterLook:
-    seen = await visit(client).look_at_master(uri)
-    assert seen.graph is None
-    assert seen.trouble is not None
-    return seen
-
-
-async def test_no_master_there(client: PoliteClient) -> None:
-    seen = await failed(client, f"http://localhost:{free_port()}")
-    assert seen.trouble
-    assert seen.trouble.failure is Failure.DEAD
-
-
-@pytest.mark.parametrize("patience_s", [0.3])
-async def test_a_master_that_hangs(client: PoliteClient) -> None:
-    async def hang(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        while await reader.read(4096):
-            pass
-        writer.close()
-
-    async with await asyncio.start_server(hang, "127.0.0.1", 0) as server:
-        seen = await failed(client, f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}")
-    assert seen.trouble
-    assert seen.trouble.failure is Failure.SILENT
-
-
-@pytest.mark.parametrize("answer", [0, [["/chat"]], "text"])
-async def test_something_else_at_the_masters_port(client: PoliteClient, answer: Any) -> None:
-    async with XmlRpcServer(FakeSlave(lambda _method, _params: answer), host="127.0.0.1") as server:
-        seen = await failed(client, server.uri)
-    assert seen.trouble
-    assert seen.trouble.failure is Failure.FOREIGN
-
-
-async def test_a_node_at_the_masters_port(client: PoliteClient, master: RosMaster) -> None:
-    async with Node("/talker", master_uri=master.uri) as node:
-        seen = await failed(client, node.uri)
-    assert seen.trouble
-    assert seen.trouble.failure is Failure.REFUSED

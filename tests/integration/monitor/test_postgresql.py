@@ -14,7 +14,7 @@ from services.toolbox.demo.children import Child
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig, receive
 from tests.integration.monitor.test_history import QUICK
 from tests.integration.monitor.watching import always_seeing, told
-from tests.services.monitor.history.postgresql import PostgreSQL, running_postgresql
+from tests.services.monitor.history.support.postgresql import PostgreSQL, running_postgresql
 from tests.services.monitor.history.test_store import opened
 
 RULES = """

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from schemas.space import MAX_COORDINATE_M
 from schemas.transforms import Transform, Transforms
 from services.geometry.errors import (
     LoopError,
@@ -15,7 +14,6 @@ from services.geometry.errors import (
     UnconnectedError,
     UnknownFrameError,
 )
-from services.geometry.memory_budget import CROWDED, MemoryBudget
 from services.geometry.rotation import matrix_of, moved
 from services.geometry.transforms import (
     BAD_ROTATION,
@@ -23,20 +21,21 @@ from services.geometry.transforms import (
     KEEP_NS,
     MAX_FRAMES,
     MAX_SAMPLES,
-    MOST_SAMPLES,
     NOT_FINITE,
     OF_ITSELF,
     OUTDATED,
-    SAMPLE_BYTES,
     SILENT_NS,
-    TOO_FAR,
     TOO_MANY,
     TransformTree,
 )
 from tests.schemas.frames import header
 
 S = 1_000_000_000
+
+
 Rotation = tuple[float, float, float, float]
+
+
 STRAIGHT: Rotation = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -215,6 +214,8 @@ def test_a_rotation_that_is_nearly_of_length_1_is_made_so() -> None:
 
 
 numbers = st.floats(-5, 5)
+
+
 quaternions = st.tuples(numbers, numbers, numbers, numbers).filter(lambda q: math.hypot(*q) > 0.1)
 
 
@@ -246,61 +247,6 @@ def test_there_and_back_is_where_it_was(
     point = np.array([[place, 1.0, 2.0]])
     assert moved(back, moved(there, point)) == pytest.approx(point, abs=1e-9)
     assert there[:3, :3] @ there[:3, :3].T == pytest.approx(np.identity(3), abs=1e-9)
-
-
-def test_many_frames_share_the_room_that_there_is() -> None:
-    made = TransformTree()
-    count = 2 * MOST_SAMPLES // MAX_SAMPLES
-    for number in range(count):
-        made.add(said("map", f"frame{number}", at=0), static=False)
-    for at in range(1, MAX_SAMPLES):
-        made.add(said("map", "frame0", at=at * 1000), static=False)
-    kept = MAX_SAMPLES // 2
-    made.lookup("map", "frame0", (MAX_SAMPLES - kept) * 1000)
-    with pytest.raises(TooOldError):
-        made.lookup("map", "frame0", (MAX_SAMPLES - kept) * 1000 - 1)
-
-
-def test_a_place_beyond_what_messages_carry_is_no_place() -> None:
-    made = tree(said("map", "base", MAX_COORDINATE_M), said("map", "other", 2 * MAX_COORDINATE_M))
-    assert made.rejected == {TOO_FAR: 1}
-    assert made.lookup("map", "base", 0)[0, 3] == MAX_COORDINATE_M
-
-
-def test_transforms_give_way_where_there_is_no_room_the_older_half_first_and_fixed_ones_never() -> None:
-    budget = MemoryBudget(10 * SAMPLE_BYTES)
-    made = TransformTree(budget=budget)
-    made.take(Transforms(header=header(), transforms=[said("base", "camera", 1.0)]), static=True)
-    for at in range(11):
-        made.take(Transforms(header=header(), transforms=[said("map", "base", at, at=at)]), static=False)
-    assert made.rejected == {CROWDED: 6}
-    assert budget.taken == 5 * SAMPLE_BYTES
-    assert made.lookup("map", "camera", 6)[0, 3] == 7
-    with pytest.raises(TooOldError):
-        made.lookup("map", "base", 5)
-
-
-def test_a_frame_that_gave_way_as_a_whole_is_not_known_until_it_is_said_again() -> None:
-    made = TransformTree(budget=MemoryBudget(SAMPLE_BYTES))
-    made.take(Transforms(header=header(), transforms=[said("map", "slow"), said("map", "base")]), static=False)
-    with pytest.raises(UnknownFrameError):
-        made.lookup("map", "slow", 0)
-    made.take(Transforms(header=header(), transforms=[said("map", "slow", 1.0, at=S)]), static=False)
-    assert made.lookup("map", "slow", S)[0, 3] == 1
-
-
-def test_room_is_for_what_is_kept_now() -> None:
-    budget = MemoryBudget()
-    made = TransformTree(budget=budget)
-    for said_now in ([said("map", "base", at=S)], [said("map", "base", 1.0, at=S)], [said("odom", "base", at=3 * S)]):
-        made.take(Transforms(header=header(), transforms=said_now), static=False)
-        assert budget.taken == SAMPLE_BYTES
-    made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S)]), static=False)  # a clock jumped
-    assert budget.taken == SAMPLE_BYTES
-    made.take(Transforms(header=header(), transforms=[said("odom", "base", at=S + KEEP_NS + 1)]), static=True)
-    assert budget.taken == SAMPLE_BYTES
-    made.flush()
-    assert budget.taken == 0
 
 
 def test_static_transforms_that_are_said_again_change_no_frame_that_moves_meanwhile() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.services.monitor.history.postgresql import PostgreSQL, running_postgresql
+from tests.services.monitor.history.support.postgresql import PostgreSQL, running_postgresql
 
 numbers = count()
 

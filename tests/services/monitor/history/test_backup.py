@@ -17,7 +17,7 @@ from services.monitor.history.settings import ExportSettings
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 from tests.schemas.results import alert
-from tests.services.monitor.history.postgresql import PostgreSQL
+from tests.services.monitor.history.support.postgresql import PostgreSQL
 from tests.services.monitor.history.test_store import every, interval, opened
 from tests.services.monitor.inventory.seeing import S
 

@@ -22,7 +22,7 @@ from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 from services.monitor.web.api.models import AlertAnswer, IntervalAnswer
 from tests.schemas.results import alert
-from tests.services.monitor.history.filling import fill
+from tests.services.monitor.history.support.filling import fill
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S
 

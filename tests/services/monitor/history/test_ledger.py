@@ -5,7 +5,7 @@ from services.monitor.history import ledger as module
 from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import Ledger, StoredInterval
 from services.monitor.history.presence import Presence
-from tests.services.monitor.history.lasting import disagreement, there
+from tests.services.monitor.history.support.lasting import disagreement, there
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.inventory.seeing import FRONT, S
 

@@ -18,7 +18,7 @@ from services.monitor.history.opening import connect
 from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
 from services.monitor.history.tables import metadata, presence
-from tests.services.monitor.history.filling import ROBOTS, fill
+from tests.services.monitor.history.support.filling import ROBOTS, fill
 from tests.services.monitor.history.test_store import opened
 from tests.services.monitor.inventory.seeing import S
 

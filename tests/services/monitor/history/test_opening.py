@@ -21,7 +21,7 @@ from services.monitor.process import run, running
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.auth.store import UserStore, users_url
 from tests.contract.waiting import until
-from tests.services.monitor.history.monitoring import monitoring
+from tests.services.monitor.history.support.monitoring import monitoring
 from tests.services.monitor.history.test_store import every, interval, opened
 from tests.services.monitor.inventory.seeing import S
 

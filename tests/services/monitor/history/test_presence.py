@@ -11,7 +11,7 @@ from services.monitor.inventory.sighting import Debounce
 from services.monitor.liveness import SETTLE_NS
 from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.pose import Pose
-from tests.services.monitor.history.lasting import there
+from tests.services.monitor.history.support.lasting import there
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 STALE_S = TrustLimits().stale_ns // S

@@ -15,7 +15,7 @@ from services.monitor.history.state import Act, HistoryError
 from services.monitor.history.store import Store
 from tests.contract.waiting import until
 from tests.schemas.results import alert
-from tests.services.monitor.history.monitoring import attended, kept, monitoring
+from tests.services.monitor.history.support.monitoring import attended, kept, monitoring
 from tests.services.monitor.history.test_store import opened
 from tests.services.monitor.inventory.seeing import S, going_on
 

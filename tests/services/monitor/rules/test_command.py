@@ -27,9 +27,9 @@ from services.monitor.rules.loading import RuleFileError
 from services.monitor.settings import RulesSettings
 from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
-from tests.services.monitor.history.lasting import disagreement, there
+from tests.services.monitor.history.support.lasting import disagreement, there
 from tests.services.monitor.inventory.seeing import S, seen
-from tests.services.monitor.rules.test_replay import HISTORY
+from tests.services.monitor.rules.replaying import HISTORY
 
 BOTH = "rules: [{name: gone, when: silent}, {name: odd, when: disagree}]"
 

@@ -6,43 +6,16 @@ import pytest
 from msgspec.structs import replace
 
 from schemas.keys import CameraKey
-from services.monitor.history.intervals import Disagreement, Interval
+from services.monitor.history.intervals import Interval
 from services.monitor.history.ledger import StoredInterval
-from services.monitor.history.presence import Presence
 from services.monitor.rules.model import RuleBook
 from services.monitor.rules.replay import caveats, replay
-from services.monitor.rules.timeline import FOREVER_NS, NEVER, Run, Timeline, spoken_for
-from tests.services.monitor.history.lasting import disagreement, there
+from services.monitor.rules.timeline import FOREVER_NS, NEVER, Timeline, spoken_for
+from tests.services.monitor.history.support.lasting import disagreement, there
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.inventory.seeing import FRONT, S
+from tests.services.monitor.rules.replaying import count, past_of, tried
 from tests.services.monitor.rules.ruling import book
-
-
-def count(since_s: int, until_s: int, number: int, name: str = "box", **more: Any) -> Interval:
-    return replace(interval(since_s, until_s, name=name), **{"count": number, "closest_m": None, **more})
-
-
-HISTORY = [
-    count(1, 10, 1),
-    count(10, 20, 3),
-    count(20, 30, 1),
-    count(40, 50, 1, closest_m=1.25),
-    count(60, 70, 1, open=True, closest_m=3.0),
-]
-
-
-def tried(rule: dict[str, Any], *past: StoredInterval) -> list[tuple[int, str]]:
-    """Return when what became of the alerts that one rule raises over a past; over that of one box if none is given."""
-    effects = replay(book(rule), past_of(*(past or HISTORY)))
-    return [(effect.alert.changed_ns // S, effect.alert.state.value) for effect in effects]
-
-
-def past_of(*some: StoredInterval) -> Timeline:
-    return Timeline(
-        [each for each in some if isinstance(each, Interval)],
-        [each for each in some if isinstance(each, Presence)],
-        [each for each in some if isinstance(each, Disagreement)],
-    )
 
 
 @pytest.mark.parametrize(
@@ -86,6 +59,7 @@ def test_what_still_holds_when_the_time_comes_is_raised_then(
 
 LED = there(1, 1_000, "", is_open=True)
 """One monitor, for as long as anything is known."""
+
 
 DAY = 86_400
 
@@ -266,13 +240,6 @@ def test_what_nobody_acknowledges_escalates_in_time() -> None:
     assert tried(many, count(2, 300, 2, open=True), spoken, *runs) == [(4, "raised"), (200, "escalated")]
 
 
-def test_history_of_before_anybody_kept_who_was_there_is_tried_as_well() -> None:
-    led = there(65, 70, "", is_open=True)
-    many = {"when": "over", "class": "box", "count": 2}
-    assert tried(many, *HISTORY, led) == tried(many)
-    assert tried({"when": "silent"}, there(1, 50), led) == [(68, "raised")], "it was there not a day before"
-
-
 def test_what_cannot_be_tried_is_said() -> None:
     rules = book({"when": "silent"}, {"when": "disagree"}, {"when": "nearer", "class": "box", "than_m": 1})
     assert [note.split(": ")[1][:12] for note in caveats(rules)] == ["is tried wit"]
@@ -280,18 +247,6 @@ def test_what_cannot_be_tried_is_said() -> None:
 
 
 RUNS = [there(10, 20, ""), there(30, 35, "", is_open=True)]
-
-
-def test_before_the_first_monitor_that_is_kept_another_one_ran() -> None:
-    assert list(Timeline().runs()) == [Run(0, FOREVER_NS, told=False)]
-    runs = [Run(0, 10 * S, told=False), Run(10 * S, 20 * S, told=True), Run(30 * S, FOREVER_NS, told=True)]
-    assert list(Timeline(presences=RUNS[::-1]).runs()) == runs
-    assert (Timeline().told_ns, Timeline(presences=RUNS).told_ns) == (FOREVER_NS, 10 * S)
-
-
-def test_a_run_ends_at_the_latest_when_the_next_one_begins() -> None:
-    runs = list(Timeline(presences=[there(10, 25, ""), there(20, 25, "", is_open=True)]).runs())
-    assert [(run.since_ns // S, run.until_ns) for run in runs[1:]] == [(10, 20 * S), (20, FOREVER_NS)]
 
 
 def test_steps_are_in_order_and_what_ends_does_so_before_what_begins() -> None:
