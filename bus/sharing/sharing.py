@@ -9,7 +9,8 @@ from typing import Final
 
 from bus.api import Bus, Presence, Watch
 from bus.demand import SharedDemand
-from bus.sharing.rendezvous import HAND_OVER_S, Shares
+from bus.sharing.owners import TAKE_OVER_S
+from bus.sharing.shares import Shares
 from schemas import keys, worker_keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
@@ -148,7 +149,7 @@ class Sharing:
 
     async def _say_taken(self, camera: CameraKey, took_over: asyncio.Event) -> None:
         with suppress(TimeoutError):
-            async with asyncio.timeout(HAND_OVER_S):
+            async with asyncio.timeout(TAKE_OVER_S):
                 await took_over.wait()
         async with self._bus.announce(str(Serves(self._service, self._worker, camera))):
             await asyncio.Event().wait()

@@ -4,12 +4,13 @@ import asyncio
 import logging
 import time
 from asyncio import Event, Task, TaskGroup
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from bus import LATEST, Bus, Watch, open_bus
 from bus.reporting import VERSION, report
-from bus.sharing.rendezvous import owner
+from bus.sharing.owners import Owners
 from schemas import worker_keys
 from schemas.errors import SchemaError
 from schemas.status import WorkerStatus
@@ -35,8 +36,8 @@ class WorldWorker:
         self._settings = settings
         self._join_s = join_s
         self._token = parse_worker_alive(str(WorkerAlive(SERVICE, settings.worker)))
-        self._workers: set[WorkerAlive] = {self._token}
-        self._served: dict[str, set[str]] = {}
+        self._owners = Owners(settings.worker)
+        self._owners.worker(self._token, alive=True)
         self._news = Event()
         self._states: dict[str, bytes] = {}
         self._tasks: dict[str, Task[None]] = {}
@@ -65,12 +66,17 @@ class WorldWorker:
             for site in self._settings.robots_of:
                 if site not in self._tasks and self._is_mine(site):
                     self._tasks[site] = group.create_task(self._serve(site))
-            await self._news.wait()
+            with suppress(TimeoutError):
+                async with asyncio.timeout_at(self._owners.next_s):
+                    await self._news.wait()
             await asyncio.sleep(SETTLE_S)
 
     def _is_mine(self, site: str) -> bool:
-        others = self._served.get(site, set()) - {self._settings.worker}
-        return not others and owner(site_key(site), self._workers) == self._settings.worker
+        key = site_key(site)
+        if self._owners.took(key) - {self._settings.worker}:
+            self._owners.forget(key)  # nobody is idle that leaves a site to whoever has it
+            return False
+        return self._owners.owner(key, asyncio.get_running_loop().time()) == self._settings.worker
 
     async def _serve(self, site: str) -> None:
         file = self._file(site)
@@ -114,9 +120,9 @@ class WorldWorker:
                 worker = parse_worker_alive(presence.key)
             except SchemaError:
                 continue
-            (self._workers.add if presence.alive else self._workers.discard)(worker)
-            self._workers.add(self._token)
-            self._news.set()
+            if worker != self._token:
+                self._owners.worker(worker, alive=presence.alive)
+                self._news.set()
 
     async def _watch_served(self, watch: Watch) -> None:
         async for presence in watch:
@@ -124,8 +130,7 @@ class WorldWorker:
                 token = worker_keys.parse_serves(presence.key)
             except SchemaError:
                 continue
-            workers = self._served.setdefault(token.camera.robot, set())
-            (workers.add if presence.alive else workers.discard)(token.worker)
+            self._owners.taken(token, alive=presence.alive)
             self._news.set()
 
     def _status(self) -> WorkerStatus:

@@ -6,8 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.sharing import rendezvous as limits
-from bus.sharing.rendezvous import HAND_OVER_S, Shares, owner
+from bus.sharing import owners
+from bus.sharing import shares as sharing_limits
+from bus.sharing.owners import IDLE_S
+from bus.sharing.rendezvous import owner
+from bus.sharing.shares import Shares
 from schemas.keys import CameraKey
 from schemas.worker_keys import Serves, WorkerAlive
 
@@ -30,13 +33,20 @@ def shares(name: str, *others: str, cameras: Iterable[CameraKey] = CAMERAS) -> S
         made.camera(camera, alive=True)
     for each in (name, *others):
         made.worker(token(each), alive=True)
+    for each in others:
+        serve_all(made, each, falls_to(each, name, *others))
     made.plan(0, MOST)
     return made
 
 
+def serve_all(made: Shares, name: str, cameras: Iterable[CameraKey] = CAMERAS) -> None:
+    for camera in cameras:
+        made.taken(Serves("detector", name, camera), alive=True)
+
+
 def test_what_falls_to_it_and_no_more() -> None:
-    assert shares("a").serving == set(CAMERAS)
-    assert shares("a", "b").serving == falls_to("a", "b")
+    assert shares("a").plan(0, MOST) == set(CAMERAS)
+    assert shares("a", "b").plan(0, MOST) == falls_to("a", "b")
     assert Shares("a").plan(0, MOST) == frozenset()
 
 
@@ -44,7 +54,7 @@ def test_what_falls_to_another_stays_until_that_one_has_taken_it_over() -> None:
     made = shares("a")
     made.worker(token("b"), alive=True)
     assert made.plan(1, MOST) == set(CAMERAS)
-    assert made.next_s == 1 + HAND_OVER_S
+    assert made.next_s == 1 + IDLE_S
     first, *rest = sorted(falls_to("b", "a"))
     assert made.taken(Serves("detector", "b", first), alive=True)
     assert made.plan(1.1, MOST) == set(CAMERAS) - {first}
@@ -54,20 +64,61 @@ def test_what_falls_to_another_stays_until_that_one_has_taken_it_over() -> None:
     assert made.next_s is None
 
 
-def test_it_stays_no_longer_than_the_time_to_hand_over() -> None:
+def test_what_another_leaves_idle_is_served_on_until_that_one_takes_it_over() -> None:
     made = shares("a")
     made.worker(token("b"), alive=True)
     made.plan(1, MOST)
-    assert made.plan(0.999 + HAND_OVER_S, MOST) == set(CAMERAS)
-    assert made.plan(1 + HAND_OVER_S, MOST) == falls_to("a", "b")
-    assert not made.handing_over
+    assert made.plan(0.999 + IDLE_S, MOST) == set(CAMERAS)
+    assert made.handing_over
+    assert made.plan(1 + IDLE_S, MOST) == set(CAMERAS)
+    assert (made.handing_over, made.next_s) == (False, None), "b is passed over"
+    serve_all(made, "b", falls_to("b", "a"))
+    assert made.plan(2 + IDLE_S, MOST) == falls_to("a", "b")
+
+
+def test_a_worker_of_great_weight_that_serves_nothing_is_passed_over_and_the_others_share_what_it_won() -> None:
+    idle = WorkerAlive("detector", "idle", weight=1000)
+    crew = {name: shares(name, *"ab".replace(name, "")) for name in "ab"}
+    for made in crew.values():
+        made.worker(idle, alive=True)
+        made.plan(1, MOST)
+    plans = {name: made.plan(1 + IDLE_S, MOST) for name, made in crew.items()}
+    assert plans == {"a": falls_to("a", "b"), "b": falls_to("b", "a")}
+    for made in crew.values():
+        made.worker(idle, alive=False)
+        made.worker(idle, alive=True)
+    assert crew["a"].plan(2 + IDLE_S, MOST) == plans["a"], "it goes on until the new one has taken over"
+    assert crew["a"].next_s == 2 + 2 * IDLE_S
+
+
+def test_what_a_worker_at_its_limit_leaves_is_served_by_another() -> None:
+    full, other = shares("a"), shares("b", "a")
+    served = full.plan(0, 3)
+    for camera in set(CAMERAS) - served:
+        other.taken(Serves("detector", "a", camera), alive=False)
+    other.plan(1, MOST)
+    assert other.plan(1 + IDLE_S, MOST) >= set(CAMERAS) - served - falls_to("b", "a")
+
+
+def test_one_that_is_idle_for_a_robot_of_its_own_leaves_it_to_those_for_any() -> None:
+    made = shares("a")
+    made.worker(WorkerAlive("detector", "own", robot="r1"), alive=True)
+    assert made.plan(1, MOST) == made.plan(1 + IDLE_S, MOST) == set(CAMERAS)
+
+
+def test_where_more_was_taken_over_than_is_remembered_nobody_counts_as_idle(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(owners, "MAX_TAKEN", 2)
+    made = shares("a")
+    made.worker(token("b"), alive=True)
+    serve_all(made, "c", CAMERAS[:2])
+    made.plan(1, MOST)
+    assert made.plan(1 + IDLE_S, MOST) == falls_to("a", "b")
 
 
 def test_another_than_the_one_it_falls_to_cannot_take_it_over() -> None:
     made = shares("a", "c")
     made.worker(token("b"), alive=True)
-    for camera in CAMERAS:
-        made.taken(Serves("detector", "c", camera), alive=True)
+    serve_all(made, "c")
     assert made.plan(1, MOST) == falls_to("a", "c")
 
 
@@ -76,7 +127,7 @@ def test_one_that_dies_before_it_took_over_leaves_no_gap() -> None:
     made.worker(token("b"), alive=True)
     made.plan(1, MOST)
     made.worker(token("b"), alive=False)
-    assert made.plan(1 + HAND_OVER_S, MOST) == set(CAMERAS)
+    assert made.plan(2, MOST) == set(CAMERAS)
 
 
 def test_one_that_leaves_goes_on_until_others_have_taken_over() -> None:
@@ -85,8 +136,7 @@ def test_one_that_leaves_goes_on_until_others_have_taken_over() -> None:
     made.worker(token("a"), alive=False)
     assert made.plan(1, MOST) == mine
     assert made.handing_over
-    for camera in mine:
-        made.taken(Serves("detector", "b", camera), alive=True)
+    serve_all(made, "b", mine)
     assert made.plan(1, MOST) == frozenset()
 
 
@@ -135,8 +185,8 @@ def test_news_is_what_was_not_known() -> None:
 
 
 def test_what_is_known_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("MAX_WORKERS", "MAX_CAMERAS", "MAX_TAKEN"):
-        monkeypatch.setattr(limits, name, 2)
+    for module, name in ((owners, "MAX_WORKERS"), (sharing_limits, "MAX_CAMERAS"), (owners, "MAX_TAKEN")):
+        monkeypatch.setattr(module, name, 2)
     made = Shares("a")
     assert [made.worker(token(name), alive=True) for name in "abc"] == [True, True, False]
     assert [made.camera(camera, alive=True) for camera in CAMERAS[:3]] == [True, True, False]
@@ -156,8 +206,9 @@ def test_once_all_have_heard_everything_each_camera_is_looked_after_once(changes
         for name in "abcde":
             member.worker(token(name), alive=name in alive)
     for name in alive:
-        crew[name].plan(0, MOST)
-    plans = [crew[name].plan(HAND_OVER_S, MOST) for name in alive]
+        for other in alive - {name}:
+            serve_all(crew[name], other)
+    plans = [crew[name].plan(IDLE_S, MOST) for name in alive]
     assert sorted(camera for plan in plans for camera in plan) == sorted(CAMERAS)
 
 
@@ -176,6 +227,8 @@ def test_who_was_there_all_along_knows_no_other_owners_than_who_comes_now(
     news: list[tuple[WorkerAlive | CameraKey, bool]],
 ) -> None:
     made, workers, cameras = Shares("a"), set[WorkerAlive](), set[CameraKey]()
+    for name in "bc":
+        serve_all(made, name)
     for now_s, (member, alive) in enumerate(news):
         if isinstance(member, CameraKey):
             made.camera(member, alive=alive)
@@ -183,7 +236,4 @@ def test_who_was_there_all_along_knows_no_other_owners_than_who_comes_now(
         else:
             made.worker(member, alive=alive)
             (workers.add if alive else workers.discard)(member)
-        made.plan(now_s * HAND_OVER_S, MOST)
-        assert made.plan((now_s + 1) * HAND_OVER_S, MOST) == {
-            camera for camera in cameras if owner(camera, workers) == "a"
-        }
+        assert made.plan(now_s, MOST) == {camera for camera in cameras if owner(camera, workers) == "a"}

@@ -12,6 +12,7 @@ from bus import QUEUE, BusSettings, Subscription, open_bus
 from schemas import keys
 from schemas.detections import ClassList
 from schemas.keys import Stream
+from schemas.worker_keys import MAX_WEIGHT, WorkerAlive
 from services.toolbox.demo.children import free_ports
 from tests.integration.fleet import PATIENCE_S
 from tests.integration.services.serving import served
@@ -70,3 +71,17 @@ async def test_the_cameras_of_a_worker_that_is_killed_go_to_the_others() -> None
     assert {camera: after[camera] for camera, worker in before.items() if worker != "w2"} == {
         camera: worker for camera, worker in before.items() if worker != "w2"
     }
+
+
+@pytest.mark.timeout(180)
+async def test_a_worker_that_wins_every_camera_and_serves_none_takes_none_away() -> None:
+    router = f"tcp/127.0.0.1:{free_ports(1)}"
+    idle = WorkerAlive("detector", "idle", weight=MAX_WEIGHT)
+    async with (
+        open_bus(BusSettings(mode="router", listen=[router], shared_memory=False)) as bus,
+        bus.announce(str(idle)),
+        bus.subscribe(keys.every_stream(Stream.CLASSES), QUEUE(1000), history=False) as lists,
+        peer("fleet_cameras", router, str(ROBOTS), str(CAMERAS), "10"),
+        peer("stand_in_worker", router, "w1", "1"),
+    ):
+        assert set((await owners(lists, {"w1"})).values()) == {"w1"}

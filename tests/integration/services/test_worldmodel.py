@@ -14,7 +14,7 @@ from bus import LATEST, QUEUE, Bus, BusError, QoS, RefusedError, Subscription
 from schemas import codec
 from schemas.distances import CameraView
 from schemas.keys import NEARBY, CameraKey, RobotStreamKey, Stream
-from schemas.worker_keys import WorldStream, world_key
+from schemas.worker_keys import MAX_WEIGHT, WorkerAlive, WorldStream, world_key
 from schemas.world import (
     ChangeKind,
     FloorLooks,
@@ -196,6 +196,13 @@ async def test_another_worker_takes_a_site_over_with_its_ids() -> None:
         assert time() - lost_s < 5  # what is promised
         after = await until_known(central.bus, len(THINGS))
         assert {each.id for each in after.objects} == {each.id for each in before.objects}
+
+
+async def test_a_worker_that_wins_a_site_and_does_not_serve_it_is_passed_over() -> None:
+    robots, idle = Robots(THINGS), WorkerAlive("worldmodel", "idle", weight=MAX_WEIGHT)
+    async with fleet_rig() as central, central.bus.announce(str(idle)), robots.looking(central.bus):
+        await start(central, "w1")
+        await until_known(central.bus, len(THINGS))
 
 
 async def test_a_monitor_counts_what_is_in_each_zone_also_after_another_worker_took_over() -> None:

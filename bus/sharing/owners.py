@@ -1,0 +1,130 @@
+"""The owner of each camera among the workers that are present, idle ones passed over. Pure."""
+
+from collections import defaultdict
+from typing import Final, TypeVar
+
+from bus.sharing.rendezvous import owner
+from schemas.keys import CameraKey
+from schemas.worker_keys import Serves, WorkerAlive
+
+T = TypeVar("T")
+
+MAX_WORKERS: Final = 1_000
+MAX_CAMERAS: Final = 10_000
+MAX_TAKEN: Final = 2 * MAX_CAMERAS
+"""Tokens for cameras taken over that are kept. When there are so many, no worker counts as idle."""
+
+TAKE_OVER_S: Final = 2.0
+"""A worker that has served a camera for so long says that it has taken it over, whether results came or not."""
+
+IDLE_S: Final = 3.0
+"""Time after which a worker that has not taken over a camera of its own is passed over for that camera."""
+
+
+class Owners:
+    """The owner of each camera: the worker that rendezvous hashing gives it to, unless that one leaves it idle.
+
+    A worker says with a token that it has taken a camera over, at the latest TAKE_OVER_S after it began to serve it.
+    One that is present and serves nothing, since it is at its limit, hangs or lies, loses the camera to the next one
+    after IDLE_S. It gets the camera back as soon as it shows that token.
+
+    me: the worker that looks; it never passes over itself.
+    """
+
+    def __init__(self, me: str) -> None:
+        self._me = me
+        self._workers: set[WorkerAlive] = set()
+        self._taken: defaultdict[CameraKey, set[str]] = defaultdict(set)
+        self._taken_count = 0
+        self._owners: dict[CameraKey, str | None] = {}
+        self._idle_since_s: dict[CameraKey, float] = {}
+        self._passed: dict[CameraKey, set[str]] = {}
+
+    def worker(self, token: WorkerAlive, *, alive: bool) -> bool:
+        """Note that a worker came or went; return whether that is new. Those over MAX_WORKERS are ignored."""
+        news = _note(self._workers, token, alive=alive, limit=MAX_WORKERS)
+        if news and alive:
+            self._compare(token)
+        elif news:
+            for camera, name in list(self._owners.items()):
+                if name == token.worker:
+                    self._forget_owner(camera)
+            for camera in [camera for camera, passed in self._passed.items() if token.worker in passed]:
+                self._trust(camera, token.worker)
+        return news
+
+    def taken(self, token: Serves, *, alive: bool) -> bool:
+        """Note that a worker took a camera over or released it; return whether that is new."""
+        workers = self._taken[token.camera]
+        news = _note(workers, token.worker, alive=alive, limit=len(workers) + MAX_TAKEN - self._taken_count)
+        if news:
+            self._taken_count += 1 if alive else -1
+            if alive and token.worker in self._passed.get(token.camera, ()):
+                self._trust(token.camera, token.worker)
+        if not workers:
+            del self._taken[token.camera]
+        return news
+
+    def took(self, camera: CameraKey) -> frozenset[str]:
+        """Return the workers that have taken a camera over."""
+        return frozenset(self._taken.get(camera, ()))
+
+    def is_idle(self, camera: CameraKey, worker: str) -> bool:
+        """Return whether a worker has not taken a camera over, as far as is known: see MAX_TAKEN."""
+        return worker not in self._taken.get(camera, ()) and self._taken_count < MAX_TAKEN
+
+    def owner(self, camera: CameraKey, now_s: float) -> str | None:
+        """Return a camera's owner, None where no worker may serve it. now_s: any steady clock."""
+        while True:
+            if camera not in self._owners:
+                passed = self._passed.get(camera, ())
+                able = [each for each in self._workers if each.worker not in passed] if passed else self._workers
+                self._owners[camera] = owner(camera, able)
+            found = self._owners[camera]
+            if found is None or found == self._me or not self.is_idle(camera, found):
+                self._idle_since_s.pop(camera, None)
+                return found
+            if now_s - self._idle_since_s.setdefault(camera, now_s) < IDLE_S:
+                return found
+            self._passed.setdefault(camera, set()).add(found)
+            self._forget_owner(camera)
+
+    def forget(self, camera: CameraKey) -> None:
+        """Forget a camera that went, but not who took it over."""
+        self._forget_owner(camera)
+        self._passed.pop(camera, None)
+
+    @property
+    def next_s(self) -> float | None:
+        """When an owner changes by itself, on the clock given to `owner`; None if never."""
+        return min(self._idle_since_s.values()) + IDLE_S if self._idle_since_s else None
+
+    def _trust(self, camera: CameraKey, worker: str) -> None:
+        self._passed[camera].discard(worker)
+        if not self._passed[camera]:
+            del self._passed[camera]
+        self._forget_owner(camera)
+
+    def _forget_owner(self, camera: CameraKey) -> None:
+        self._owners.pop(camera, None)
+        self._idle_since_s.pop(camera, None)
+
+    def _compare(self, joined: WorkerAlive) -> None:
+        """Compare a worker that joined with the known owners; all other assignments stay."""
+        tokens = defaultdict[str | None, list[WorkerAlive]](list)
+        for each in self._workers:
+            tokens[each.worker].append(each)
+        for camera, name in list(self._owners.items()):
+            if joined.worker in self._passed.get(camera, ()):
+                continue
+            found = owner(camera, [joined, *tokens[name]])
+            if found != name:
+                self._forget_owner(camera)
+                self._owners[camera] = found
+
+
+def _note(members: set[T], member: T, *, alive: bool, limit: int) -> bool:
+    if alive == (member in members) or (alive and len(members) >= limit):
+        return False
+    (members.add if alive else members.discard)(member)
+    return True

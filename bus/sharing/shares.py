@@ -1,0 +1,68 @@
+"""One worker's share of the cameras. Pure."""
+
+from bus.sharing.owners import MAX_CAMERAS, Owners
+from schemas.keys import CameraKey
+from schemas.worker_keys import Serves, WorkerAlive
+
+
+class Shares:
+    """One worker's share of the cameras.
+
+    A camera that falls to another worker stays here until that one says that it has taken it over: a short overlap
+    beats a gap. Results of the same frame twice have the same identity.
+    """
+
+    def __init__(self, worker: str) -> None:
+        self._worker = worker
+        self._owners = Owners(worker)
+        self._cameras: dict[CameraKey, None] = {}
+        self._served: frozenset[CameraKey] = frozenset()
+        self._handing_over = False
+
+    def worker(self, token: WorkerAlive, *, alive: bool) -> bool:
+        """Note that a worker came or went; return whether that is new."""
+        return self._owners.worker(token, alive=alive)
+
+    def camera(self, camera: CameraKey, *, alive: bool) -> bool:
+        """Note that a camera came or went; return whether that is new. Those over MAX_CAMERAS are ignored."""
+        if alive == (camera in self._cameras) or (alive and len(self._cameras) >= MAX_CAMERAS):
+            return False
+        if alive:
+            self._cameras[camera] = None
+        else:
+            del self._cameras[camera]
+            self._owners.forget(camera)
+        return True
+
+    def taken(self, token: Serves, *, alive: bool) -> bool:
+        """Note that a worker took a camera over or released it; return whether that is new."""
+        return self._owners.taken(token, alive=alive)
+
+    def plan(self, now_s: float, most: int) -> frozenset[CameraKey]:
+        """Return the cameras to serve from now on: at most `most`, those known longest first.
+
+        now_s: any steady clock; a plan is good until `next_s`, or until there is news.
+        """
+        served = set[CameraKey]()
+        self._handing_over = False
+        for camera in self._cameras:
+            winner = self._owners.owner(camera, now_s)
+            if winner is None or len(served) >= most:
+                continue
+            if winner == self._worker:
+                served.add(camera)
+            elif camera in self._served and self._owners.is_idle(camera, winner):
+                served.add(camera)
+                self._handing_over = True
+        self._served = frozenset(served)
+        return self._served
+
+    @property
+    def next_s(self) -> float | None:
+        """When the plan changes by itself, on the clock given to `plan`; None if never."""
+        return self._owners.next_s
+
+    @property
+    def handing_over(self) -> bool:
+        """Whether a camera is still served that now belongs to another worker."""
+        return self._handing_over
