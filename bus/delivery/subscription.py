@@ -16,11 +16,14 @@ from bus.delivery.batching import DELIVERED_S, taking
 from bus.delivery.inbox import call_soon
 from bus.delivery.reading import SampleReader
 from bus.history.caches import CACHE, Caches, is_sent_again, owner_of, stamp_of
-from bus.history.ordering import Fetch, History, Numbered
+from bus.history.ordering import Fetch, History, Hold, Numbered
 from bus.session.known_keys import number_of
 
 AGAIN_S: Final = 0.5
 """Delay before an empty cache is asked again: Zenoh's routers (1.10) know their routes 0.1 s after a new link."""
+
+HOLD_S: Final = 10.0
+"""Longest time for which live messages of a key wait for older ones, whatever caches there seem to be."""
 
 _PUT: Final = zenoh.SampleKind.PUT
 
@@ -78,9 +81,10 @@ class HistorySubscription(ZenohSubscription):
         recover: int,
     ) -> None:
         super().__init__(key_expr, keep, loop, few=few)
-        self._caches = Caches(submit, recover, self._on_kept, self._on_fetched)
+        self._submit = submit
+        self._caches = Caches(submit, self._submit_later, recover, self._on_kept, self._on_fetched)
         self._history: History[Sample | None] = History(
-            recover, self._caches.ask, self._ask_later, self._deliver, self.miss
+            recover, self._caches.ask, self._ask_later, self._end_hold_later, self._deliver, self.miss
         )
         self._known = known
         self._one_at_a_time = threading.Lock()
@@ -149,8 +153,16 @@ class HistorySubscription(ZenohSubscription):
             fetched()
 
     def _ask_later(self, fetch: Fetch) -> None:
-        again = partial(self._with_history, self._turn, partial(self._history.ask_again, fetch))
-        call_soon(self._loop, partial(self._loop.call_later, AGAIN_S, again))
+        self._call_later(AGAIN_S, partial(self._with_history, self._turn, partial(self._history.ask_again, fetch)))
+
+    def _end_hold_later(self, hold: Hold) -> None:
+        self._call_later(HOLD_S, partial(self._with_history, self._turn, partial(self._history.end_hold, hold)))
+
+    def _submit_later(self, delay_s: float, call: Callable[[], None]) -> None:
+        self._call_later(delay_s, partial(self._submit, call))
+
+    def _call_later(self, delay_s: float, call: Callable[[], object]) -> None:
+        call_soon(self._loop, partial(self._loop.call_later, delay_s, call))
 
     def _with_history(self, turn: int, act: Callable[[], None]) -> None:
         with self._one_at_a_time:

@@ -2,6 +2,7 @@
 
 import logging
 import struct
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -66,6 +67,14 @@ def owner_of(cache: str) -> tuple[str, str]:
 
 
 ASKED_AT_ONCE: Final = 16
+"""Caches that are asked at once, slow ones not counted."""
+
+SLOW_S: Final = 0.25
+"""A cache that has not answered after this counts as slow: the others do not wait for it."""
+
+MOST_ASKED: Final = 256
+"""Caches that are asked at once, slow ones counted."""
+
 TIMEOUT_S: Final = 2.0
 """Longest wait for one cache: the default time for which a link to a stopped process counts as whole."""
 
@@ -75,18 +84,20 @@ _log: Final = logging.getLogger(__name__)
 class Caches:
     """The caches that one subscription asks.
 
-    submit: queues a call on the session's thread. recover: the number of messages wanted from each.
-    answer: receives each message; answered: is called at the end, with whether any came.
+    submit: queues a call on the session's thread; later: does so after a number of seconds. recover: the number of
+    messages wanted from each. answer: receives each message; answered: is called at the end, with whether any came.
     """
 
     def __init__(
         self,
         submit: Callable[[Callable[[], None]], object],
+        later: Callable[[float, Callable[[], None]], object],
         recover: int,
         answer: Callable[[Fetch, zenoh.Sample], None],
         answered: Callable[[Fetch, bool], None],
     ) -> None:
         self._submit = submit
+        self._later = later
         self._recover = recover
         self._answer = answer
         self._answered = answered
@@ -94,7 +105,8 @@ class Caches:
         # Callbacks compare the turn: one with a session would release that at any time (see bus.session.timing).
         self._turn = 0
         self._waiting: deque[Fetch] = deque()
-        self._asked: set[str] = set()
+        self._asked: dict[str, float] = {}
+        self._looks_again = False
 
     def use(self, session: zenoh.Session | None) -> None:
         """Query on this session, or not at all with None; earlier queries are forgotten. Session's thread only."""
@@ -102,6 +114,7 @@ class Caches:
         self._turn += 1
         self._waiting.clear()
         self._asked.clear()
+        self._looks_again = False
 
     def ask(self, fetch: Fetch) -> None:
         """Query a cache when its turn comes."""
@@ -112,11 +125,27 @@ class Caches:
         self._go_on()
 
     def _go_on(self) -> None:
-        while self._session is not None and self._waiting and len(self._asked) < ASKED_AT_ONCE:
+        while self._session is not None and self._waiting and self._may_ask:
             self._send(self._session, self._waiting.popleft())
+        if self._session is not None and self._waiting and not self._looks_again:
+            self._looks_again = True
+            self._later(SLOW_S, partial(self._look_again, self._turn))
+
+    @property
+    def _may_ask(self) -> bool:
+        if len(self._asked) < ASKED_AT_ONCE:
+            return True
+        slow_since_s = time.monotonic() - SLOW_S
+        prompt = sum(asked_s > slow_since_s for asked_s in self._asked.values())
+        return prompt < ASKED_AT_ONCE and len(self._asked) < MOST_ASKED
+
+    def _look_again(self, turn: int) -> None:
+        if turn == self._turn:
+            self._looks_again = False
+            self._go_on()
 
     def _send(self, session: zenoh.Session, fetch: Fetch) -> None:
-        self._asked.add(fetch.cache)
+        self._asked[fetch.cache] = time.monotonic()
         replies = count()
         done = partial(self._submit, partial(self._done, self._turn, fetch, replies))
         try:
@@ -138,7 +167,7 @@ class Caches:
 
     def _done(self, turn: int, fetch: Fetch, replies: Iterator[int]) -> None:
         if turn == self._turn and fetch.cache in self._asked:  # an error may end it twice
-            self._asked.discard(fetch.cache)
+            del self._asked[fetch.cache]
             self._answered(fetch, next(replies) > 0)
             self._go_on()
 

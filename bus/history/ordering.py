@@ -55,6 +55,13 @@ class Fetch(NamedTuple):
     places: tuple[Any, ...] = ()
 
 
+class Hold(NamedTuple):
+    """A time for which a key's live messages wait for older ones: its number among those of the key."""
+
+    key: str
+    number: int
+
+
 @dataclass(slots=True)
 class _Publisher:
     """State of one publisher.
@@ -81,7 +88,8 @@ class _Key(Generic[M]):
 
     caches: those of present publishers. asked: those with a pending query, and whether to query them once more.
     doubted: those that are present and had nothing at the first query.
-    held: live messages that wait for their answers, None if none have to; kept: their answers.
+    held: live messages that wait for their answers, None if none have to; kept: their answers. holds: how often live
+    messages began to wait.
     """
 
     name: str
@@ -91,6 +99,7 @@ class _Key(Generic[M]):
     doubted: set[str] = field(default_factory=set)
     held: list[Numbered[M]] | None = None
     kept: list[Numbered[M]] = field(default_factory=list)
+    holds: int = 0
 
     def publisher(self, name: int | str) -> _Publisher:
         known = self.publishers.get(name)
@@ -115,7 +124,8 @@ class History(Generic[M]):
     recover: the number of kept messages wanted from each publisher; with more than one, gaps in the live messages are
     filled too, and live messages wait for older ones. fetch: queries a cache, calls `kept` with its answers
     and `fetched` at the end in any case. later: calls `ask_again` after a while with the same
-    query. deliver, miss: receive messages in order, and the number of lost ones.
+    query. holding: calls `end_hold` after a longer while with the same hold. deliver, miss: receive messages in order,
+    and the number of lost ones.
 
     Not thread-safe.
     """
@@ -123,6 +133,7 @@ class History(Generic[M]):
     recover: int
     fetch: Callable[[Fetch], None]
     later: Callable[[Fetch], None]
+    holding: Callable[[Hold], None]
     deliver: Callable[[list[M]], None]
     miss: Callable[[int], None]
     _keys: dict[str, _Key[M]] = field(default_factory=dict)
@@ -218,6 +229,23 @@ class History(Generic[M]):
         if fetch.cache in known.asked:
             self._fetch(known, fetch.cache)
 
+    def end_hold(self, hold: Hold) -> None:
+        """Take a key's held messages as they are if they still wait: caches that do not answer hold up no key for ever.
+
+        Answers that come later still fill in what is newer than what was taken.
+        """
+        known = self._keys.get(hold.key)
+        if known is not None and known.held is not None and known.holds == hold.number:
+            ready: list[M] = []
+            self._take_waiting(known, ready, seek=False)
+            known.held = None
+            self._deliver(ready)
+
+    def _hold(self, known: _Key[M], held: list[Numbered[M]]) -> None:
+        known.held = held
+        known.holds += 1
+        self.holding(Hold(known.name, known.holds))
+
     def _known(self, key: str) -> _Key[M]:
         known = self._keys.get(key)
         if known is None:
@@ -239,7 +267,7 @@ class History(Generic[M]):
 
     def _ask(self, known: _Key[M], cache: str) -> None:
         if self.recover > 1 and known.held is None:
-            known.held = []
+            self._hold(known, [])
         for publisher in known.publishers.values():
             publisher.sought = max(publisher.sought, publisher.last)
         for each in known.held or ():
@@ -265,9 +293,9 @@ class History(Generic[M]):
             if len(known.held) > max(MOST_HELD, 2 * self.recover):
                 self._take_waiting(known, ready, seek=False)
         elif self.recover > 1 and not self._all_appeared:
-            known.held = [each]
+            self._hold(known, [each])
         elif self.recover > 1 and known.caches and by.is_behind_hole(each.number):
-            known.held = [each]
+            self._hold(known, [each])
             self._seek(known)
         else:
             self._take(by, each, ready)

@@ -74,7 +74,7 @@ class World:
         self.doubts: list[Fetch] = []
         self.tried: set[str] = set()
         self.history: History[Message] = History(
-            recover, self.fetches.append, self.doubts.append, self._deliver, self._miss
+            recover, self.fetches.append, self.doubts.append, lambda _: None, self._deliver, self._miss
         )
         self.history.cut_off()
         self.publishers: list[Publisher] = []

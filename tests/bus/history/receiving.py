@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from bus.history.ordering import Fetch, History, Numbered
+from bus.history.ordering import Fetch, History, Hold, Numbered
 
 KEY = "fleet/r1/front/classes"
 HERE = f"{KEY}/@adv/pub/session/1/_"
@@ -23,8 +23,9 @@ class Received:
         self.missed = 0
         self.fetches: list[Fetch] = []
         self.doubts: list[Fetch] = []
+        self.holds: list[Hold] = []
         self.history: History[int] = History(
-            recover, self.fetches.append, self.doubts.append, self.messages.extend, self._miss
+            recover, self.fetches.append, self.doubts.append, self.holds.append, self.messages.extend, self._miss
         )
 
     def _miss(self, number: int) -> None:

@@ -1,6 +1,6 @@
 """Caches are asked some at a time, on a real session."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from types import SimpleNamespace
@@ -9,7 +9,8 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
-from bus.history.caches import ASKED_AT_ONCE, Caches
+from bus.history import caches
+from bus.history.caches import ASKED_AT_ONCE, SLOW_S, Caches
 from bus.history.ordering import Fetch
 from tests.contract.waiting import until
 
@@ -38,11 +39,21 @@ class Asked:
         self.queries: list[zenoh.Query] = []
         self.answers: list[tuple[str, bytes]] = []
         self.answered: list[str] = []
+        self.waiting: list[Callable[[], None]] = []
         self.empty: list[str] = []
         self._thread = thread
-        self.caches = Caches(thread.submit, RECOVER, self._on_answer, self._on_answered)
+        self.caches = Caches(thread.submit, self._later, RECOVER, self._on_answer, self._on_answered)
         session.declare_queryable(cache_of("*"), Callback(self.queries.append, indirect=False))
         self.use(session)
+
+    def _later(self, _: float, call: Callable[[], None]) -> None:
+        self.waiting.append(call)
+
+    def pass_time(self) -> None:
+        """Have what was to be done later be done now."""
+        calls, self.waiting = self.waiting, []
+        for call in calls:
+            self._thread.submit(call).result()
 
     def _on_answer(self, fetch: Fetch, sample: zenoh.Sample) -> None:
         self.answers.append((fetch.key, sample.payload.to_bytes()))
@@ -73,7 +84,8 @@ def asked() -> Iterator[Asked]:
         yield Asked(session, thread)
 
 
-async def test_some_are_asked_at_once_and_the_others_in_their_turn() -> None:
+async def test_some_are_asked_at_once_and_the_others_in_their_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(caches, "SLOW_S", 3_600)
     with asked() as those:
         for number in range(ASKED_AT_ONCE + MORE):
             those.ask(str(number))
@@ -85,6 +97,25 @@ async def test_some_are_asked_at_once_and_the_others_in_their_turn() -> None:
         await until(lambda: len(those.answered) == ASKED_AT_ONCE + MORE)
         assert sorted(those.answered) == sorted(str(number) for number in range(ASKED_AT_ONCE + MORE))
         assert len(those.answers) == ASKED_AT_ONCE + MORE
+
+
+async def test_those_that_do_not_answer_hold_up_the_others_for_a_moment_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [0.0]
+    monkeypatch.setattr(caches, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    monkeypatch.setattr(caches, "MOST_ASKED", 2 * ASKED_AT_ONCE)
+    with asked() as those:
+        for number in range(3 * ASKED_AT_ONCE):
+            those.ask(str(number))
+        for most in (ASKED_AT_ONCE, 2 * ASKED_AT_ONCE, 2 * ASKED_AT_ONCE):
+            those.pass_time()
+            await until(lambda most=most: len(those.queries) >= most)  # type: ignore[misc]
+            those.pass_time()
+            assert len(those.queries) == most, "no more than MOST_ASKED, however slow they are"
+            now_s[0] += SLOW_S
+        those.end(those.queries[0], b"1")
+        await until(lambda: len(those.answered) == 1 and len(those.queries) == 2 * ASKED_AT_ONCE)
+        for query in list(those.queries):
+            those.end(query)
 
 
 @pytest.mark.parametrize(

@@ -225,3 +225,29 @@ def test_numbers_may_start_anew_at_their_end() -> None:
     got.appear()
     got.live(2**32 - 2, 2**32 - 1, 0, 1)
     assert got.outcome == ([2**32 - 2, 2**32 - 1, 0, 1], 0)
+
+
+def test_a_cache_that_never_answers_holds_a_key_up_for_a_while_only() -> None:
+    received = Received()
+    received.appear(kept=None)
+    received.live(3, 4)
+    assert received.messages == []
+    received.history.end_hold(received.holds[-1])
+    received.live(5)
+    assert received.messages == [3, 4, 5]
+    received.answer(1, 2, 5, 6)
+    received.live(7)
+    assert received.outcome == ([3, 4, 5, 6, 7], 0)
+
+
+def test_only_the_hold_that_was_meant_ends() -> None:
+    received = Received()
+    received.appear(kept=None)
+    first = received.holds[-1]
+    received.answer(1)
+    received.live(2, 4)
+    received.history.end_hold(first)
+    assert received.messages == [1, 2], "4 waits for 3 by now"
+    received.history.end_hold(received.holds[-1])
+    assert received.outcome == ([1, 2, 4], 1)
+    received.history.end_hold(first)
