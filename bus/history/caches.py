@@ -3,7 +3,7 @@
 import logging
 import struct
 import time
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import count
@@ -82,7 +82,7 @@ _log: Final = logging.getLogger(__name__)
 
 
 class Caches:
-    """The caches that one subscription asks.
+    """The caches that one subscription asks: those of each robot in turn, so that no robot's keep others' waiting.
 
     submit: queues a call on the session's thread; later: does so after a number of seconds. recover: the number of
     messages wanted from each. answer: receives each message; answered: is called at the end, with whether any came.
@@ -104,7 +104,7 @@ class Caches:
         self._session: zenoh.Session | None = None
         # Callbacks compare the turn: one with a session would release that at any time (see bus.session.timing).
         self._turn = 0
-        self._waiting: deque[Fetch] = deque()
+        self._waiting: OrderedDict[str, deque[Fetch]] = OrderedDict()
         self._asked: dict[str, float] = {}
         self._looks_again = False
 
@@ -121,15 +121,22 @@ class Caches:
         self._submit(partial(self._enqueue, fetch))
 
     def _enqueue(self, fetch: Fetch) -> None:
-        self._waiting.append(fetch)
+        self._waiting.setdefault(_whose(fetch.key), deque()).append(fetch)
         self._go_on()
 
     def _go_on(self) -> None:
         while self._session is not None and self._waiting and self._may_ask:
-            self._send(self._session, self._waiting.popleft())
+            self._send(self._session, self._next())
         if self._session is not None and self._waiting and not self._looks_again:
             self._looks_again = True
             self._later(SLOW_S, partial(self._look_again, self._turn))
+
+    def _next(self) -> Fetch:
+        whose, fetches = self._waiting.popitem(last=False)
+        fetch = fetches.popleft()
+        if fetches:
+            self._waiting[whose] = fetches
+        return fetch
 
     @property
     def _may_ask(self) -> bool:
@@ -170,6 +177,11 @@ class Caches:
             del self._asked[fetch.cache]
             self._answered(fetch, next(replies) > 0)
             self._go_on()
+
+
+def _whose(key: str) -> str:
+    """Return the beginning of a key that says whose it is: `fleet/r1` of `fleet/r1/front/classes`."""
+    return "/".join(key.split("/")[:2])
 
 
 def _after(fetch: Fetch) -> str:
