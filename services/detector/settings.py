@@ -1,13 +1,15 @@
 """Settings of a detector worker."""
 
 import os
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, Field, model_validator
+from pydantic import AfterValidator, BaseModel, Field, field_validator, model_validator
 
 from bus.settings import BusSettings
 from bus.sharing.settings import SharingSettings
+from schemas.header import MAX_LABEL
 from schemas.printing import printable
 from services.detector.worker_role import OPINION
 
@@ -34,6 +36,29 @@ def default_cache() -> Path:
     except RuntimeError:  # no folder that others can write to: cached models are executed
         return Path(os.devnull) / "fleetsight"
 
+
+def _new_name(text: str) -> str:
+    old, _, new = text.rpartition("=")
+    if not old.strip() or not new.strip():
+        raise ValueError(f"{printable(text)}: write a class's name and its new name, such as parcel=box")
+    if len(new.strip()) > MAX_LABEL:
+        raise ValueError(f"{printable(new)[:80]}: a name may have {MAX_LABEL} characters")
+    return text
+
+
+def _name_confidence(text: str) -> str:
+    name, _, score = text.rpartition("=")
+    try:
+        known = bool(name.strip()) and 0 <= float(score) <= 1
+    except ValueError:
+        known = False
+    if not known:
+        raise ValueError(f"{printable(text)}: write a class's name and a score from 0 to 1, such as forklift=0.5")
+    return text
+
+
+NewName = Annotated[str, AfterValidator(_new_name)]
+NameConfidence = Annotated[str, AfterValidator(_name_confidence)]
 
 Runtime = Literal["auto", "torch", "onnx", "openvino", "tensorrt"]
 
@@ -63,6 +88,20 @@ class LookSettings(BaseModel):
     classes: Annotated[
         list[str], Field(description="names of the classes to report; by default all classes of the model")
     ] = []
+    class_names: Annotated[
+        list[NewName],
+        Field(
+            description="other names for classes of the model, such as 'cardboard box=box,parcel=box'; classes that get"
+            " one name become one"
+        ),
+    ] = []
+    class_confidence: Annotated[
+        list[NameConfidence],
+        Field(
+            description="scores that single classes need instead of --confidence, such as 'forklift=0.5,box=0.3', by"
+            " their names after --class-names"
+        ),
+    ] = []
     refine: Annotated[
         bool,
         Field(
@@ -80,6 +119,26 @@ class LookSettings(BaseModel):
     threads: Annotated[
         int, Field(ge=0, le=MOST_THREADS, description="CPU threads for inference; 0 uses every core")
     ] = 0
+
+    @field_validator("class_names", "class_confidence")
+    @classmethod
+    def _each_class_once(cls, given: list[str]) -> list[str]:
+        classes = Counter(text.rpartition("=")[0].strip() for text in given)
+        for name, times in classes.items():
+            if times > 1:
+                raise ValueError(f"{printable(name)} is given {times} times; give each class once")
+        return given
+
+    @property
+    def new_names(self) -> dict[str, str]:
+        """The new names of the model's classes, by the old ones."""
+        return {old.strip(): new.strip() for old, _, new in (text.rpartition("=") for text in self.class_names)}
+
+    @property
+    def confidences(self) -> dict[str, float]:
+        """The scores that single classes need, by name."""
+        split = (text.rpartition("=") for text in self.class_confidence)
+        return {name.strip(): float(score) for name, _, score in split}
 
 
 class DetectorSettings(LookSettings, SharingSettings, BusSettings):

@@ -1,32 +1,37 @@
 """Detection criteria of one model's classes. Pure."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Final
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schemas.tuning import Tuning
 from services.detector.model import TuningError
-
-MAX_LISTED: Final = 20
+from services.detector.runtime.class_names import listed, merged
 
 
 @dataclass(frozen=True, slots=True)
 class Criteria:
     """Detection criteria; see `schemas.tuning.Tuning`.
 
-    labels: of those classes; None for all. agnostic: of overlapping boxes only the best one counts, whatever their
-    classes.
+    agnostic: of overlapping boxes only the best one counts, whatever their classes. class_confidence: by name, of
+    classes for which another score than `confidence` is needed.
+
+    Made from these and a model's names by `tuned`: labels, of the classes that are reported, None for all; scores, that
+    each label needs, None where all need `confidence`; same, for each label the first label of the same name, None
+    where each class has a name of its own.
     """
 
     confidence: float = 0.25
     iou: float = 0.7
     max_detections: int = 300
     classes: tuple[str, ...] = ()
-    labels: NDArray[np.int64] | None = None
     agnostic: bool = False
+    class_confidence: Mapping[str, float] = field(default_factory=dict)
+    labels: NDArray[np.int64] | None = None
+    scores: NDArray[np.float32] | None = None
+    same: NDArray[np.int64] | None = None
 
     def tuned(self, tuning: Tuning, names: Mapping[int, str]) -> "Criteria":
         """Return these criteria with the changes of a tuning. names: of the model's classes, by label.
@@ -35,13 +40,17 @@ class Criteria:
             TuningError: a class that the model does not know.
         """
         classes = self.classes if tuning.classes is None else tuple(dict.fromkeys(tuning.classes))
+        confidence = self.confidence if tuning.confidence is None else tuning.confidence
+        _check(classes, names)
         return replace(
             self,
-            confidence=self.confidence if tuning.confidence is None else tuning.confidence,
+            confidence=confidence,
             iou=self.iou if tuning.iou is None else tuning.iou,
             max_detections=self.max_detections if tuning.max_detections is None else tuning.max_detections,
             classes=classes,
-            labels=_labels(classes, names) if classes else None,
+            labels=np.array([label for label, name in names.items() if name in classes]) if classes else None,
+            scores=self._scores(confidence, names),
+            same=merged(names),
         )
 
     @property
@@ -51,11 +60,26 @@ class Criteria:
             confidence=self.confidence, iou=self.iou, max_detections=self.max_detections, classes=list(self.classes)
         )
 
+    @property
+    def least_score(self) -> float:
+        """The score above which an object of some class counts."""
+        return self.confidence if self.scores is None else float(self.scores.min())
 
-def _labels(classes: tuple[str, ...], names: Mapping[int, str]) -> NDArray[np.int64]:
+    @property
+    def greatest_score(self) -> float:
+        """The score above which an object of any class counts."""
+        return self.confidence if self.scores is None else float(self.scores.max())
+
+    def _scores(self, confidence: float, names: Mapping[int, str]) -> NDArray[np.float32] | None:
+        if not self.class_confidence:
+            return None
+        _check(self.class_confidence, names)
+        each = [self.class_confidence.get(names[label], confidence) for label in sorted(names)]
+        return np.array(each, np.float32)
+
+
+def _check(classes: Iterable[str], names: Mapping[int, str]) -> None:
     known = set(names.values())
     for name in classes:
         if name not in known:
-            listed = [*list(names.values())[:MAX_LISTED], *(["..."] if len(names) > MAX_LISTED else [])]
-            raise TuningError(f"no class is called {name[:80]!r}; the model knows {', '.join(listed)}")
-    return np.array([label for label, name in names.items() if name in classes])
+            raise TuningError(f"no class is called {name[:80]!r}; the model knows {listed(names.values())}")

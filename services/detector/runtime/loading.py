@@ -2,7 +2,7 @@
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -18,6 +18,7 @@ from schemas.tuning import Tuning
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import Runtime, RuntimeTarget, check_installed, choose
+from services.detector.runtime.class_names import listed, renamed
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import BATCH_ON_GPU, Engine
 from services.detector.runtime.exporting import discard, exported
@@ -46,11 +47,13 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
     """Load the model, and the one for boxes if there is one; see `load`. Both are read before either is exported."""
     read = _read(settings, folder, "--model")
     if settings.detection_model is None:
+        _check_new_names(settings, read)
         return _ready(read, settings, folder)
     if not read.weights.segments:
         raise ModelError(f"{read.what}: it has no masks, which --detection-model needs it for")
     boxes = {"model": settings.detection_model, "refine": False}
     read_boxes = _read(settings.model_copy(update=boxes), folder, "--detection-model")
+    _check_new_names(settings, read, read_boxes)
     model = _ready(read, settings, folder)
     try:
         return PairedModel(_ready(read_boxes, settings, folder), model)
@@ -68,14 +71,20 @@ def load(settings: DetectorSettings, folder: Path, refiner: Refiner | None = Non
     Raises:
         ModelError: the file is no model, or of a task that finds no objects, or cannot run as asked for.
     """
-    return _ready(_read(settings, folder, "--model"), settings, folder, refiner)
+    read = _read(settings, folder, "--model")
+    _check_new_names(settings, read)
+    return _ready(read, settings, folder, refiner)
 
 
 @dataclass(frozen=True, slots=True)
 class _Read:
-    """Loaded weights and their detection criteria. what: how to call them in messages."""
+    """Loaded weights and their detection criteria.
+
+    names: of the classes, by label, as they are reported. what: how to call the weights in messages.
+    """
 
     weights: "Weights"
+    names: Mapping[int, str]
     criteria: Criteria
     what: str
 
@@ -87,10 +96,23 @@ def _read(settings: DetectorSettings, folder: Path, option: str) -> _Read:
     weights = load_weights(settings.model, option, refine=settings.refine, nms=settings.nms, download=settings.download)
     what = f"{option} {settings.model}"
     agnostic = weights.agnostic if settings.agnostic_nms is None else settings.agnostic_nms
+    criteria = Criteria(agnostic=agnostic, class_confidence=settings.confidences)
+    names = renamed(weights.names, settings.new_names)
     try:
-        return _Read(weights, Criteria(agnostic=agnostic).tuned(_tuning(settings), weights.names), what)
+        return _Read(weights, names, criteria.tuned(_tuning(settings), names), what)
     except TuningError as error:
-        raise ModelError(f"--classes with {what}: {error}") from error
+        option = "--classes" if set(settings.classes) - set(names.values()) else "--class-confidence"
+        raise ModelError(f"{option} with {what}: {error}") from error
+
+
+def _check_new_names(settings: DetectorSettings, *read: _Read) -> None:
+    """Raise ModelError for new names of classes that no model has."""
+    known = [name for each in read for name in each.weights.names.values()]
+    if unknown := settings.new_names.keys() - set(known):
+        what = " and ".join(each.what for each in read)
+        raise ModelError(
+            f"--class-names with {what}: no class is called {min(unknown)[:80]!r}; known are {listed(known)}"
+        )
 
 
 def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:
@@ -108,7 +130,7 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
             refiner = _refiner(weights.refiner, runtime, device, _threads(settings))
         name, segments = printable(weights.path.name), weights.segments
         return Pipeline(
-            Facts(name, runtime, weights.names, segments, longest, weights.stride, weights.head),
+            Facts(name, runtime, read.names, segments, longest, weights.stride, weights.head),
             engine,
             read.criteria,
             blank=_blank(weights, longest),

@@ -120,7 +120,7 @@ class Pipeline:
     @property
     def classes(self) -> tuple[str, ...]:
         """See `Model.classes`."""
-        names = self._criteria.classes or self.facts.names.values()
+        names = self._criteria.classes or dict.fromkeys(self.facts.names.values())
         return tuple(name[:MAX_LABEL] for name in names)
 
     def tune(self, tuning: Tuning) -> None:
@@ -235,7 +235,7 @@ class Pipeline:
             objects(each, as_it_is, self._criteria, self.facts.names, masks=False, head=self.facts.head)
             for each in (ours, theirs)
         )
-        return difference(here, there, self._criteria.confidence)
+        return difference(here, there, self._criteria.greatest_score)
 
     def _read_off(self, prepared: _Prepared, output: Output | Exception, model_ns: int, *, masks: bool) -> Outcome:
         began_ns = time.perf_counter_ns()

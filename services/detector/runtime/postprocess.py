@@ -85,12 +85,12 @@ def objects(
         OutputError: the output is not that of a model with these classes, or not a number.
     """
     found = _candidates(output, letterbox, len(names), criteria, head)
-    doubles = head == "nms" and _is_dense(output, len(names))
+    doubles = (head == "nms" and _is_dense(output, len(names))) or criteria.same is not None
     kept = found[_without_doubles(found, criteria) if doubles else slice(criteria.max_detections)]
     if output.prototypes is not None:
         if len(kept.labels) and not np.isfinite(output.prototypes).all():
             raise OutputError("prototypes of masks that are not numbers")
-        kept = kept[_apart(kept, output.prototypes, letterbox)]
+        kept = kept[_apart(kept, output.prototypes, letterbox, _classes(kept, criteria))]
     boxes = _in_image(kept.corners, letterbox)
     encoded: list[Mask | None] = [None] * len(boxes)
     if masks and output.prototypes is not None and len(boxes):
@@ -105,7 +105,7 @@ def objects(
     return [
         Detection(name=names[label][:MAX_LABEL], score=min(score, 1.0), box=Box(*box), mask=mask, label=label)
         for label, score, box, mask in zip(
-            kept.labels.tolist(), kept.scores.tolist(), boxes.tolist(), encoded, strict=True
+            _classes(kept, criteria).tolist(), kept.scores.tolist(), boxes.tolist(), encoded, strict=True
         )
     ]
 
@@ -125,8 +125,13 @@ def _coefficients(output: Output) -> int:
 
 
 def _without_doubles(found: Candidates, criteria: Criteria) -> NDArray[np.int64]:
-    labels = np.zeros_like(found.labels) if criteria.agnostic else found.labels
+    labels = np.zeros_like(found.labels) if criteria.agnostic else _classes(found, criteria)
     return suppressed(found.corners, labels, criteria.iou, criteria.max_detections)
+
+
+def _classes(found: Candidates, criteria: Criteria) -> NDArray[np.int64]:
+    """Return the objects' labels, the same one for classes of the same name."""
+    return found.labels if criteria.same is None else criteria.same[found.labels]
 
 
 def _candidates(output: Output, letterbox: Letterbox, classes: int, criteria: Criteria, head: Head) -> Candidates:
@@ -136,6 +141,8 @@ def _candidates(output: Output, letterbox: Letterbox, classes: int, criteria: Cr
         raise OutputError("a box or a mask that is not a number")
     if criteria.labels is not None:
         found = found[np.isin(found.labels, criteria.labels)]
+    if criteria.scores is not None:
+        found = found[found.scores > criteria.scores[found.labels]]
     return found[np.argsort(-found.scores, kind="stable")[:MAX_CANDIDATES]]
 
 
@@ -185,7 +192,7 @@ def _sure(scores: Floats, criteria: Criteria) -> NDArray[np.intp]:
     """Return which scores are high enough; raise for NaN, which says nothing of what is in view."""
     if np.isnan(scores).any():
         raise OutputError("a score that is not a number")
-    return np.flatnonzero(scores > criteria.confidence)
+    return np.flatnonzero(scores > criteria.least_score)
 
 
 def _ended(output: Output, classes: int, criteria: Criteria) -> Candidates:
@@ -202,7 +209,9 @@ def _queries(output: Output, letterbox: Letterbox, classes: int, criteria: Crite
     return replace(found, corners=_corners(found.corners * size))
 
 
-def _apart(found: Candidates, prototypes: Floats, letterbox: Letterbox) -> NDArray[np.int64]:
+def _apart(
+    found: Candidates, prototypes: Floats, letterbox: Letterbox, classes: NDArray[np.int64]
+) -> NDArray[np.int64]:
     """Return which objects, best first, have a pixel and are not MOSTLY covered by better ones of their class."""
     height, width = prototypes.shape[1:]
     scale = np.array([width / letterbox.columns.input, height / letterbox.rows.input] * 2, np.float32)
@@ -210,7 +219,7 @@ def _apart(found: Candidates, prototypes: Floats, letterbox: Letterbox) -> NDArr
     few = FEW * max(1.0, height * width / (letterbox.rows.image * letterbox.columns.image))
     covered: dict[int, NDArray[np.bool_]] = {}
     apart: list[int] = []
-    for n, (label, (left, top, right, bottom)) in enumerate(zip(found.labels.tolist(), windows, strict=True)):
+    for n, (label, (left, top, right, bottom)) in enumerate(zip(classes.tolist(), windows, strict=True)):
         window = (slice(top, bottom), slice(left, right))
         mask = np.einsum("c,chw->hw", found.coefficients[n], prototypes[:, *window]) > 0  # no BLAS, so no threads
         own = np.count_nonzero(mask)
