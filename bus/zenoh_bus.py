@@ -16,10 +16,9 @@ from bus.requests.pending_request import PendingRequest, Unanswered
 from bus.requests.serving import check_free
 from bus.session.declaration import Declaration
 from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
-from bus.session.file_limit import MOST_FILES, raise_file_limit
 from bus.session.known_keys import KnownKeys
 from bus.session.link_use import LinkUse, most_links
-from bus.session.memory import SHAREABLE_BYTES, keep_freed_memory, may_lock
+from bus.session.process_limits import MOST_FILES, SHAREABLE_BYTES, keep_freed_memory, may_lock, raise_file_limit
 from bus.session.session import SessionThread
 from bus.settings import BusSettings
 

@@ -1,16 +1,18 @@
 """Listening to the fleet: results, images and presence."""
 
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from typing import Final, TypeVar
 
-from bus import LATEST, Bus, Latest, Queue
+from bus import LATEST, Bus, Latest, Queue, Subscription
+from bus.clocks import clock_id
 from fleetsight.arguments import QUEUE, check_keep
-from fleetsight.images import images_of
 from fleetsight.patterns import chunk, one_camera
 from fleetsight.presence import Roster, WorkerName
 from fleetsight.streams import Iterations, Stream
 from schemas import codec, keys, worker_keys
 from schemas.alerts import Alert
+from schemas.consumer_keys import Wanted
 from schemas.detections import ClassList, Detections
 from schemas.distances import Distances
 from schemas.image import ImageFrame
@@ -181,3 +183,11 @@ class Listening:
         return Stream(
             self._iterations, str(stream), schema, lambda: self._bus.subscribe(key, keep, history=history), check
         )
+
+
+@asynccontextmanager
+async def images_of(bus: Bus, camera: CameraKey, keep: Latest | Queue) -> AsyncIterator[Subscription]:
+    """Subscribe to the images. The gateway sends them raw to a program beside it, and as JPEG to others."""
+    color = keys.StreamKey(camera, keys.Stream.COLOR)
+    async with bus.announce(str(Wanted(color, clock_id()))), bus.subscribe(str(color), keep, history=False) as frames:
+        yield frames

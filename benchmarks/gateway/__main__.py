@@ -36,7 +36,7 @@ from benchmarks.gateway.report import Run, medians, targets
 from benchmarks.machine import machine, versions
 from benchmarks.peers.frames import SEED
 from benchmarks.progress import note
-from bus.session.memory import SHAREABLE_BYTES, may_lock
+from bus.session.process_limits import SHAREABLE_BYTES, may_lock
 
 REPEATS: Final = 3
 HZ: Final = 30

@@ -1,14 +1,16 @@
-"""Detection criteria of one model's classes. Pure."""
+"""Detection criteria of one model's classes, and their names. Pure."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from schemas.tuning import Tuning
 from services.detector.model import TuningError
-from services.detector.runtime.class_names import listed, merged
+
+MAX_LISTED: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,3 +85,24 @@ def _check(classes: Iterable[str], names: Mapping[int, str]) -> None:
     for name in classes:
         if name not in known:
             raise TuningError(f"no class is called {name[:80]!r}; the model knows {listed(names.values())}")
+
+
+def renamed(names: Mapping[int, str], changes: Mapping[str, str]) -> dict[int, str]:
+    """Return the names of a model's classes, by label, after changes from old names to new ones.
+
+    Classes that get one name are one class from then on.
+    """
+    return {label: changes.get(name, name) for label, name in names.items()}
+
+
+def merged(names: Mapping[int, str]) -> NDArray[np.int64] | None:
+    """Return for each label the first label of the same name; None where each class has a name of its own."""
+    first: dict[str, int] = {}
+    labels = [first.setdefault(names[label], label) for label in sorted(names)]
+    return None if len(first) == len(labels) else np.array(labels)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names for a message: the first MAX_LISTED of them."""
+    known = list(dict.fromkeys(names))
+    return ", ".join([*known[:MAX_LISTED], *(["..."] if len(known) > MAX_LISTED else [])])

@@ -18,8 +18,7 @@ from schemas.tuning import Tuning
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import Runtime, RuntimeTarget, check_installed, choose
-from services.detector.runtime.class_names import listed, renamed
-from services.detector.runtime.criteria import Criteria
+from services.detector.runtime.criteria import Criteria, listed, renamed
 from services.detector.runtime.engine import BATCH_ON_GPU, Engine
 from services.detector.runtime.exporting import discard, exported
 from services.detector.runtime.letterbox import Letterbox

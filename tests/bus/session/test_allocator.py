@@ -3,7 +3,7 @@ import sys
 
 PROGRAM = """
 import resource
-from bus.session.memory import keep_freed_memory
+from bus.session.process_limits import keep_freed_memory
 keep_freed_memory()
 def faults():
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt

@@ -3,12 +3,12 @@ import sys
 
 import pytest
 
-from bus.session.file_limit import MOST_FILES
+from bus.session.process_limits import MOST_FILES
 
 LIMITED = """
 import resource
 import sys
-from bus.session.file_limit import raise_file_limit
+from bus.session.process_limits import raise_file_limit
 soft, hard = map(int, sys.argv[1:])
 resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 print(raise_file_limit(), *resource.getrlimit(resource.RLIMIT_NOFILE))

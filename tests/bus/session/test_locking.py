@@ -11,7 +11,7 @@ import os
 import resource
 import sys
 from bus import LATEST, BusSettings, QoS, open_bus
-from bus.session.memory import SHAREABLE_BYTES, may_lock
+from bus.session.process_limits import SHAREABLE_BYTES, may_lock
 if os.geteuid() == 0:
     os.setgroups([])
     os.setgid(65534)

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from bus.sharing import owners
 from bus.sharing import shares as sharing_limits
-from bus.sharing.owners import IDLE_S
-from bus.sharing.rendezvous import owner
+from bus.sharing.owners import IDLE_S, owner
 from bus.sharing.shares import Shares
 from schemas.keys import CameraKey
 from schemas.worker_keys import Serves, WorkerAlive

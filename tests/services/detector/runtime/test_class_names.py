@@ -8,8 +8,7 @@ import pytest
 from schemas.detections import Detection
 from schemas.tuning import Tuning
 from services.detector.model import ModelError, TuningError
-from services.detector.runtime.class_names import merged, renamed
-from services.detector.runtime.criteria import Criteria
+from services.detector.runtime.criteria import Criteria, merged, renamed
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.loading import load
 from services.detector.runtime.postprocess import Head, Output, objects

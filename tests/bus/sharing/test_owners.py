@@ -1,4 +1,4 @@
-"""Who looks after which camera."""
+"""The owner of each camera."""
 
 from collections import Counter
 
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.sharing.rendezvous import owner
+from bus.sharing.owners import owner
 from schemas.keys import CameraKey
 from schemas.worker_keys import WorkerAlive
 
