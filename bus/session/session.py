@@ -3,7 +3,6 @@
 import contextlib
 import json
 import logging
-import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -21,8 +20,10 @@ from bus.requests.queries import send_query
 from bus.requests.serving import serves
 from bus.session.access import check_closed, read_access
 from bus.session.certificates import check_certificates
+from bus.session.changed_files import LOOKED_AT_S, ChangedFiles
 from bus.session.config import session_config
-from bus.session.declaration import Declaration, close_session, endpoint_names, log_failure, reason_of, take_back
+from bus.session.declaration import Declaration, close_session, endpoint_names, reason_of, take_back
+from bus.session.job_thread import JobThread
 from bus.session.known_keys import Numbers
 from bus.session.link_use import LinkUse, LinkWarning
 from bus.session.links import Links, why_unreached
@@ -56,35 +57,38 @@ _log: Final = logging.getLogger(__name__)
 class SessionThread:
     """Opens a session, retrying for a client whose routers do not answer, and makes the kept declarations on it.
 
-    Another one follows that of a client whose link is lost, and any with very many declarations. Zenoh's own (1.10)
-    may go on with what a router has not yet taken for lost, and then mixes up what keys the two speak of; it may give
-    up for good on a link that is closed as it comes up; and it declares everything at once. It still tries, once, until
-    it is ended.
+    Another one follows that of a client whose link is lost, any with very many declarations, and any whose certificates
+    or access rules have changed: Zenoh reads them as a session opens. Zenoh's own (1.10) may go on with what a router
+    has not yet taken for lost, and then mixes up what keys the two speak of; it may give up for good on a link that is
+    closed as it comes up; and it declares everything at once. It still tries, once, until it is ended.
+
+    submit, do: see `JobThread`.
     """
 
     def __init__(self, settings: BusSettings, most_links: int) -> None:
         self._settings = settings
         self._most_links = most_links
-        self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._kept: dict[Declaration, None] = {}
         self._numbers = Numbers()
         self._session: zenoh.Session | None = None
         self._turn = NEVER  # callbacks compare it, as one with a session would release that at any time (see REST_S)
         self._links = Links(settings)
         self._link_warning = LinkWarning()
-        self._tuning = Tuning(self.do)
         self._stopping = threading.Event()
-        self._stopped = False
         self._retry_at: float | None = None
         self._refused = False
         self._tell_at: float | None = None
+        self._files = ChangedFiles([settings.tls_ca, settings.tls_certificate, settings.tls_key, settings.access])
+        self._look_at = time.monotonic() + LOOKED_AT_S if self._files else None
         self._opened_at = 0.0
         self._unsettled = 0
         self._declared = 0  # on this session; a client counts all of them, since any key may be new
         self._cut = threading.Event()
         self._ended: zenoh.Session | None = None  # see REST_S
-        self._thread = threading.Thread(target=self._run, name="bus-session", daemon=True)
-        self._thread.start()
+        jobs = JobThread("bus-session", self._due, self._do_what_is_due)
+        self.submit, self.do = jobs.submit, jobs.do
+        self._jobs = jobs
+        self._tuning = Tuning(self.do)
 
     @property
     def is_open(self) -> bool:
@@ -126,56 +130,39 @@ class SessionThread:
         self._stopping.set()
         return self.submit(lambda: self._stop(then))
 
-    def submit(self, act: Callable[[], None]) -> Future[None]:
-        """Queue a call on the session's thread. Any thread."""
-        future: Future[None] = Future()
-
-        def job() -> None:
-            if not future.set_running_or_notify_cancel():
-                return
-            try:
-                with panics_are_errors():
-                    act()
-            except Exception as error:  # noqa: BLE001 - it belongs to whoever waits for the future
-                future.set_exception(error)
-            else:
-                future.set_result(None)
-
-        if self._thread.is_alive():
-            self._jobs.put(job)
-        else:
-            future.set_result(None)
-        return future
-
-    def do(self, act: Callable[[], None]) -> None:
-        """Queue a call whose result nobody waits for. Any thread."""
-        self.submit(act).add_done_callback(log_failure)
-
-    def _run(self) -> None:
-        while not self._stopped:
-            due = [at for at in (self._retry_at, self._tell_at) if at is not None]
-            try:
-                job = self._jobs.get(timeout=max(0, min(due) - time.monotonic()) if due else None)
-            except queue.Empty:
-                self._do_what_is_due()
-            else:
-                job()
-        with contextlib.suppress(queue.Empty):
-            while True:
-                self._jobs.get_nowait()()
-
     def _begin(self) -> None:
         check_closed(self._settings)
         check_certificates(self._settings)
         self._open()
 
+    def _due(self) -> float | None:
+        return min((at for at in (self._retry_at, self._tell_at, self._look_at) if at is not None), default=None)
+
     def _do_what_is_due(self) -> None:
-        if self._tell_at is not None:
+        now_s = time.monotonic()
+        if self._tell_at is not None and self._tell_at <= now_s:
             self._tell_at = None
             self.do(self._tell)
-        else:
+        if self._look_at is not None and self._look_at <= now_s:
+            self._look_at = now_s + LOOKED_AT_S
+            self.do(self._look_at_files)
+        if self._retry_at is not None and self._retry_at <= now_s:
             self._retry_after(RETRY_S)
             self.do(self._open)
+
+    def _look_at_files(self) -> None:
+        """Open a new session if certificates or access rules have changed to something that can be used."""
+        if self._session is None or not self._files.changed():
+            return
+        try:
+            check_certificates(self._settings)
+            read_access(self._settings)
+        except BusError as error:
+            self._files.use()
+            _log.warning("%s; until that is mended, the bus goes on with the files as they were", error)
+            return
+        _log.info("opening a new session: certificates or access rules have changed")
+        self._end(self._session)
 
     def _open(self) -> None:
         self._ended = None
@@ -213,6 +200,7 @@ class SessionThread:
         _log.warning("waiting for a link to %s: %s", endpoint_names(endpoints), why_unreached(endpoints))
 
     def _opened(self) -> zenoh.Session:
+        self._files.use()
         config = session_config(self._settings, self._most_links, read_access(self._settings))
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
@@ -297,7 +285,7 @@ class SessionThread:
         is_client = self._settings.mode == "client"
         if turn != self._turn or self._session is None or not (self._links.remove(own, other) or is_client):
             return
-        if not self._stopped:
+        if not self._jobs.is_ending:
             _log.warning("lost the link to %s, waiting for one to %s", other, self._where)
         if is_client:
             self._end(self._session)
@@ -333,7 +321,7 @@ class SessionThread:
             asking.settle(BusError(f"cannot ask: {reason_of(error)}"))
 
     def _stop(self, then: Callable[[], None]) -> None:
-        self._stopped = True
+        self._jobs.end()
         for declaration in list(self._kept):
             self._undeclare(declaration)
         if self._session is not None:

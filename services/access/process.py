@@ -70,7 +70,7 @@ def _renew(authority: Authority, settings: PkiSettings) -> Iterator[str]:
 def _revoke(authority: Authority, settings: PkiSettings) -> Iterator[str]:
     issued = authority.revoke(settings.name)
     yield f"{issued.name}: revoked; its certificate is good until {issued.until:%Y-%m-%d}, so routers must deny it:"
-    yield f"fleetsight access fleet.yaml --folder {settings.folder} --to access.json, and restart them"
+    yield f"fleetsight access fleet.yaml --folder {settings.folder} --to access.json"
 
 
 _TASKS: Final[Mapping[str, Callable[[Authority, PkiSettings], Iterator[str]]]] = {
