@@ -291,6 +291,21 @@ COMMANDS: Final = (
         ),
     ),
     Command(
+        "collect",
+        "save pictures of live cameras for training, with drafts of labels",
+        "services.toolbox.collect.settings:CollectSettings",
+        "services.toolbox.collect.process:run",
+        refusals=("bus:BusError", "services.toolbox.collect.dataset:DatasetError"),
+        extra="detector",
+        positional=("folder",),
+        finite=True,
+        examples=(
+            "fleetsight collect site --every-s 30 --robots 'r*' --connect tcp/central:7447",
+            "fleetsight collect site --unsure 0.25..0.4 --appears forklift --most 300",
+            "fleetsight collect site --disagree --blur person --seconds 3600",
+        ),
+    ),
+    Command(
         "train",
         "train a model such as the shipped one: render, train, evaluate, write weights and card",
         "services.training.settings:TrainingSettings",

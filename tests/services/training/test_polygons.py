@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.training.dataset import outline
+from services.geometry.outlines import outline
 
 Mask = NDArray[np.uint8]
 

@@ -1,0 +1,144 @@
+"""A data-set folder that grows: pictures, labels, names of classes, and where each picture is from."""
+
+import json
+import os
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from schemas.detections import Detections
+from schemas.keys import CameraKey
+from schemas.printing import printable
+from services.toolbox.collect.pictures import Picture, labels
+
+RECORD: Final = "collected.jsonl"
+NAMES: Final = "data.yaml"
+
+
+class DatasetError(Exception):
+    """The folder cannot be used; the message names the file and the cure."""
+
+
+@dataclass(slots=True)
+class Dataset:
+    """A folder in the form that Ultralytics and `fleetsight train` read.
+
+    names: of the classes, in the order of their numbers in labels. count, size: of the pictures collected so far, in
+    bytes.
+    """
+
+    folder: Path
+    names: list[str]
+    count: int = 0
+    size: int = 0
+    _fingerprints: dict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
+
+    @classmethod
+    def open(cls, folder: Path, names: list[str]) -> "Dataset":
+        """Make the folder, or read what was collected in it before. Its own names come before those given.
+
+        Raises:
+            DatasetError: it cannot be made or read.
+        """
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            known = _names_in(folder / NAMES)
+            dataset = cls(folder, [*known, *(name for name in dict.fromkeys(names) if name not in known)])
+            dataset._read_record()
+            dataset._write_names()
+        except OSError as error:
+            raise DatasetError(f"{printable(str(error.filename or folder))}: {error.strerror}") from error
+        return dataset
+
+    def is_known(self, camera: CameraKey, fingerprint: int, least_difference: int) -> bool:
+        """Return whether a picture of the camera was saved that differs in fewer bits."""
+        saved = self._fingerprints.get(str(camera), ())
+        return any((fingerprint ^ each).bit_count() < least_difference for each in saved)
+
+    def save(self, picture: Picture, why: str, found: Detections | None, split: str, hidden: tuple[str, ...]) -> Path:
+        """Write a picture, the drafts of its labels if there are any, and a line about both; return its file.
+
+        hidden: classes that are blurred in it, and so have no labels. What is half written when the process dies has
+        no line in the record.
+
+        Raises:
+            OSError: the disk is full, or the folder gone.
+        """
+        header = picture.frame.header
+        source = f"{header.robot}-{header.camera}".replace("_", "-")
+        file = self.folder / split / "images" / f"{source}_{header.stamp_ns}.jpg"
+        _write_whole(file, picture.file)
+        about: dict[str, Any] = {
+            "file": str(file.relative_to(self.folder)),
+            "robot": header.robot,
+            "camera": header.camera,
+            "boot_id": header.boot_id,
+            "seq": header.seq,
+            "stamp_ns": header.stamp_ns,
+            "why": why,
+            "fingerprint": f"{picture.fingerprint:016x}",
+            "bytes": len(picture.file),
+        }
+        if found is not None:
+            self._learn(each.name for each in found.objects if each.name not in hidden)
+            codes = {name: code for code, name in enumerate(self.names) if name not in hidden}
+            _write_whole(_labels_of(file), "".join(labels(found, codes)).encode())
+            about |= {"drafts_by": found.model, "worker": found.worker, "blurred": list(hidden)}
+        with (self.folder / RECORD).open("a", encoding="utf-8") as record:
+            record.write(json.dumps(about) + "\n")
+        self._note(about)
+        return file
+
+    def _learn(self, names: Any) -> None:
+        new = [name for name in dict.fromkeys(names) if name not in self.names]
+        if new:
+            self.names.extend(new)
+            self._write_names()
+
+    def _write_names(self) -> None:
+        folders = {split: f"{split}/images" for split in ("train", "val")}
+        content = {"path": str(self.folder.resolve()), **folders, "names": dict(enumerate(self.names))}
+        _write_whole(self.folder / NAMES, yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode())
+
+    def _read_record(self) -> None:
+        record = self.folder / RECORD
+        lines = record.read_text(encoding="utf-8").splitlines() if record.exists() else []
+        for number, line in enumerate(lines, 1):
+            try:
+                self._note(json.loads(line))
+            except (ValueError, KeyError, TypeError) as error:
+                if number == len(lines):  # the last one of a process that was killed
+                    continue
+                raise DatasetError(f"{printable(str(record))}: line {number} is damaged; remove it") from error
+
+    def _note(self, about: dict[str, Any]) -> None:
+        fingerprint, size = int(about["fingerprint"], 16), int(about["bytes"])
+        self._fingerprints[str(CameraKey(about["robot"], about["camera"]))].append(fingerprint)
+        self.count += 1
+        self.size += size
+
+
+def _names_in(file: Path) -> list[str]:
+    if not file.exists():
+        return []
+    try:
+        names = yaml.safe_load(file.read_text(encoding="utf-8"))["names"]
+        listed = [names[code] for code in range(len(names))]
+    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, IndexError) as error:
+        raise DatasetError(f"{printable(str(file))}: it has no names of classes by number; remove it") from error
+    return [str(name) for name in listed]
+
+
+def _labels_of(image: Path) -> Path:
+    return image.parents[1] / "labels" / f"{image.stem}.txt"
+
+
+def _write_whole(file: Path, content: bytes) -> None:
+    """Write a file so that nobody ever reads a part of it."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    partial = file.with_name(f".{file.name}.{os.getpid()}")
+    partial.write_bytes(content)
+    partial.replace(file)
