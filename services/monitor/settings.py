@@ -88,6 +88,10 @@ class WebSettings(BaseModel):
     web_url: HttpUrl | None = Field(
         default=None, description="address that browsers use if a proxy is in front, like https://fleet.example"
     )
+    web_certificate: RegularFile | None = Field(
+        default=None, description="certificate with which the page is served over HTTPS; taken anew when it changes"
+    )
+    web_key: RegularFile | None = Field(default=None, description="the private key of that certificate")
     floor_plan: RegularFile | None = Field(
         default=None, description="floor plan to draw the map on: YAML file of a map in the format of ROS's map_server"
     )
@@ -108,6 +112,13 @@ class WebSettings(BaseModel):
         if url is not None and (url.path not in (None, "/") or url.query is not None or url.fragment is not None):
             raise ValueError("the page must be at the root of its host; remove the path, as in https://fleet.example")
         return url
+
+    @model_validator(mode="after")
+    def _has_certificate_and_key(self) -> Self:
+        if (self.web_certificate is None) != (self.web_key is None):
+            missing = "web_certificate" if self.web_certificate is None else "web_key"
+            raise ValueError(f"{missing}: HTTPS needs a certificate and its key, and one is given; give both")
+        return self
 
 
 class MonitorSettings(WebSettings, AlertingSettings, InventorySettings, HistorySettings, BusSettings):

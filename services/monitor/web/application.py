@@ -128,12 +128,13 @@ def place_of(settings: WebSettings) -> ServedAt:
         origin="" if url is None else origin_of(url),
         hosts=hosts if url is None or not hosts else hosts | {url.host or ""},
         open_metrics=settings.web_open_metrics,
+        secure=is_secure(settings),
     )
 
 
 def is_secure(settings: WebSettings) -> bool:
     """Whether browsers reach us over HTTPS only."""
-    return settings.web_url is not None and settings.web_url.scheme == "https"
+    return settings.web_certificate is not None or (settings.web_url is not None and settings.web_url.scheme == "https")
 
 
 def cookie_of(settings: WebSettings) -> str:

@@ -16,6 +16,7 @@ from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings, WebSettings
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.store import UserStore, users_url
+from services.monitor.web.tls import PageTls
 
 
 class WebError(Exception):
@@ -51,12 +52,13 @@ def open_listener(settings: WebSettings) -> socket.socket:
 
 def url_of(listener: socket.socket, settings: WebSettings) -> str:
     """Return the address for a browser, without a trailing slash."""
+    scheme = "http" if settings.web_certificate is None else "https"
     if settings.web_url is not None:
         return str(settings.web_url).rstrip("/")
     host, port = listener.getsockname()[:2]
     if ipaddress.ip_address(host).is_unspecified:
         host = socket.gethostname()
-    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+    return f"{scheme}://[{host}]:{port}" if ":" in host else f"{scheme}://{host}:{port}"
 
 
 log = logging.getLogger(__name__)
@@ -64,20 +66,28 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Web:
-    """A web server whose port is open, but which is not serving yet. url: of the page."""
+    """A web server whose port is open, but which is not serving yet. url: of the page. tls: of its own, or none."""
 
     url: str
     listener: socket.socket
     access: Access
+    tls: PageTls | None = None
 
     @classmethod
     def of(cls, settings: MonitorSettings) -> Self:
-        """Open the port; raises WebError."""
+        """Open the port; raises WebError, or BusError for certificates."""
+        tls = None
+        if settings.web_certificate is not None and settings.web_key is not None:
+            tls = PageTls(settings.web_certificate, settings.web_key)
         listener = open_listener(settings)
         url = url_of(listener, settings)
         if not (url.startswith("https:") or ipaddress.ip_address(listener.getsockname()[0]).is_loopback):
-            log.warning("passwords cross the network unencrypted: put a TLS proxy in front and set --web-url")
-        return cls(url, listener, Access(UserStore(users_url(settings.history)), settings.web_session_hours, url))
+            log.warning(
+                "passwords cross the network unencrypted: give --web-certificate and --web-key, or put a TLS proxy"
+                " in front and set --web-url"
+            )
+        access = Access(UserStore(users_url(settings.history)), settings.web_session_hours, url)
+        return cls(url, listener, access, tls)
 
     async def run(self, monitor: Monitor) -> None:
         """Serve until cancelled."""
@@ -86,7 +96,9 @@ class Web:
 
         async with asyncio.TaskGroup() as group:
             group.create_task(self.access.run())
-            await serve(monitor, self.listener, self.access)
+            if self.tls is not None:
+                group.create_task(self.tls.keep_current())
+            await serve(monitor, self.listener, self.access, None if self.tls is None else self.tls.context)
 
     def notes(self) -> list[str]:
         """Return notes for the terminal."""

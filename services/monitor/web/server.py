@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import socket
+import ssl
 from collections.abc import Iterator
 from functools import partial
 from typing import Any, Final
@@ -121,8 +122,8 @@ class _Server(uvicorn.Server):
         yield
 
 
-async def serve(monitor: Monitor, listener: socket.socket, access: Access) -> None:
-    """Serve on a listening socket until cancelled, then close it."""
+async def serve(monitor: Monitor, listener: socket.socket, access: Access, tls: ssl.SSLContext | None = None) -> None:
+    """Serve on a listening socket until cancelled, then close it. tls: over HTTPS with this context."""
     app = make_application(monitor, access)
     ui.run_with(
         app,
@@ -146,6 +147,7 @@ async def serve(monitor: Monitor, listener: socket.socket, access: Access) -> No
         limit_concurrency=settings.web_connections,
         proxy_headers=settings.web_url is not None,
         server_header=False,
+        ssl_context_factory=None if tls is None else lambda *_: tls,
         timeout_graceful_shutdown=STOP_S,
         ws=SocketProtocol,
         ws_max_size=MAX_FRAME_BYTES,

@@ -63,12 +63,13 @@ class RequestInfo:
 class ServedAt:
     """Our own address. origin: that of a proxy in front, like https://fleet.example, or empty.
 
-    hosts: allowed host names, without ports; any if empty. open_metrics: they need no token.
+    hosts: allowed host names, without ports; any if empty. open_metrics: they need no token. secure: over HTTPS only.
     """
 
     origin: str = ""
     hosts: frozenset[str] = frozenset()
     open_metrics: bool = False
+    secure: bool = False
 
 
 def judge(asking: RequestInfo, visitor: Visitor | None, *, by: Kind | None, place: ServedAt) -> Verdict:

@@ -45,13 +45,18 @@ def problem(status: int, reason: str, headers: Mapping[str, str] | None = None) 
     return JSONResponse({"error": reason}, status, headers=headers)
 
 
-def with_headers(send: Send) -> Send:
-    """Return a `send` that adds the DEFAULTS missing from a response."""
+HTTPS_ONLY: Final = {"Strict-Transport-Security": "max-age=31536000"}
+"""For a year browsers come by HTTPS alone, whatever somebody types (RFC 6797)."""
+
+
+def with_headers(send: Send, *, secure: bool) -> Send:
+    """Return a `send` that adds the DEFAULTS missing from a response. secure: it is sent over HTTPS only."""
+    defaults = {**DEFAULTS, **HTTPS_ONLY} if secure else DEFAULTS
 
     async def sending(message: Message) -> None:
         if message["type"] in ("http.response.start", "websocket.http.response.start"):
             headers = MutableHeaders(scope=message)
-            for name, value in DEFAULTS.items():
+            for name, value in defaults.items():
                 headers.setdefault(name, value)
         await send(message)
 
@@ -101,7 +106,7 @@ class AccessMiddleware:
         visitor, by = self._known(asking.headers)
         verdict = judge(asking, visitor, by=by, place=self._place)
         scope[STATE] = visitor
-        send = with_headers(send)
+        send = with_headers(send, secure=self._place.secure)
         limit = body_limit(asking.path)
         if asking.is_socket and verdict is Verdict.PASS and visitor is not None:
             await self._socket(visitor, scope, receive, send)
