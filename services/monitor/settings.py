@@ -102,7 +102,11 @@ class WebSettings(BaseModel):
         default=168, gt=0, le=8_760, description="hours of inactivity after which a user is logged out"
     )
     web_connections: int = Field(
-        default=1_000, ge=10, le=100_000, description="maximum number of simultaneous connections"
+        default=1_000,
+        ge=10,
+        le=100_000,
+        description="maximum number of simultaneous connections; a quarter of them from one address, but for a proxy on"
+        " this machine",
     )
     web_open_metrics: bool = Field(default=False, description="let anyone read /metrics without a token")
 

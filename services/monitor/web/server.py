@@ -29,9 +29,15 @@ MAX_HEAD_BYTES: Final = 64 * 1024
 TURNED_AWAY: Final = 50
 """Connections over the limit that get a 503; further ones are closed."""
 
+SHARE: Final = 4
+"""One address has at most one in so many of all connections: what it does not use is left to others."""
+
+PROXIES: Final = frozenset({"127.0.0.1", "::1"})
+"""Addresses without such a limit: a proxy on this machine speaks for everybody."""
+
 
 class BoundedProtocol(HttpToolsProtocol):
-    """Closes connections whose head is too slow or too long, and those far over the limit."""
+    """Closes connections whose head is too slow or too long, those over the limit or over their address's share."""
 
     def __init__(
         self,
@@ -50,7 +56,10 @@ class BoundedProtocol(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start the timeout of the first head."""
         super().connection_made(transport)
-        if self.limit_concurrency is not None and len(self.connections) > self.limit_concurrency + TURNED_AWAY:
+        if self.limit_concurrency is not None and (
+            len(self.connections) > self.limit_concurrency + TURNED_AWAY
+            or self._of_this_address() > max(1, self.limit_concurrency // SHARE)
+        ):
             transport.abort()
             return
         self._begin_head()
@@ -78,6 +87,13 @@ class BoundedProtocol(HttpToolsProtocol):
         """End the timeout of the head."""
         self._end_head()
         super().on_headers_complete()
+
+    def _of_this_address(self) -> int:
+        """Return how many connections come from where this one comes from."""
+        if self.client is None or self.client[0] in PROXIES:
+            return 0
+        places = (getattr(each, "client", None) for each in self.connections)
+        return sum(place is not None and place[0] == self.client[0] for place in places)
 
     def _begin_head(self) -> None:
         self._head_bytes = 0

@@ -62,7 +62,7 @@ def test_a_host_s_name_that_does_not_resolve_is_said_in_words() -> None:
 
 
 ASKED = b"GET / HTTP/1.1\r\nHost: here\r\n\r\n"
-Connect = Callable[[], "asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]]"]
+Connect = Callable[..., "asyncio.Future[tuple[asyncio.StreamReader, asyncio.StreamWriter]]"]
 
 
 @asynccontextmanager
@@ -76,13 +76,13 @@ async def listening(head_s: float = HEAD_S, most: int = 10) -> AsyncIterator[tup
     )
     writers: list[asyncio.StreamWriter] = []
 
-    async def connect() -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
+    async def connect(own: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname(), local_addr=(own, 0))
         writers.append(writer)
         return reader, writer
 
     try:
-        yield lambda: asyncio.ensure_future(connect()), state
+        yield lambda own="127.0.0.1": asyncio.ensure_future(connect(own)), state
     finally:
         for writer in writers:
             writer.close()
@@ -154,3 +154,19 @@ async def test_of_too_many_connections_some_are_told_and_the_rest_closed() -> No
         reader, writer = held[-1]
         writer.write(ASKED)
         assert (await reader.readuntil(b"\r\n")).startswith(b"HTTP/1.1 503")
+
+
+async def test_one_address_leaves_connections_to_others() -> None:
+    async with listening(most=8) as (connect, state):
+        for _ in range(2):
+            await connect("127.0.0.2")
+        over, _ = await connect("127.0.0.2")
+        assert await ended(over) == b""
+        assert len(state.connections) == 2
+        reader, writer = await connect("127.0.0.3")
+        writer.write(ASKED)
+        assert (await reader.readuntil(b"ok")).startswith(b"HTTP/1.1 200")
+        for _ in range(4):
+            reader, writer = await connect("127.0.0.1")
+            writer.write(ASKED)
+            assert (await reader.readuntil(b"ok")).startswith(b"HTTP/1.1 200"), "a proxy speaks for everybody"
