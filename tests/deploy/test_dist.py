@@ -1,0 +1,67 @@
+"""`make dist` in a clone: what a release has, and that it installs and starts without a checkout."""
+
+import json
+import os
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    clone = tmp_path_factory.mktemp("release") / "fleetsight"
+    run("git", "clone", "--quiet", str(ROOT), str(clone))
+    run("make", "dist", folder=clone)
+    return clone / "dist"
+
+
+INHERITED = {"PYTHONPATH", "VIRTUAL_ENV", "MAKEFLAGS"}
+
+
+def run(*command: str, folder: Path | None = None) -> str:
+    """Run a command as from a shell of its own; return its output, or fail with it."""
+    outside = {name: value for name, value in os.environ.items() if name not in INHERITED}
+    done = subprocess.run(command, cwd=folder, env=outside, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{' '.join(command)}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
+    return done.stdout
+
+
+@pytest.mark.timeout(600)
+def test_everything_is_there_and_whole(dist: Path) -> None:
+    names = {each.name for each in dist.iterdir()}
+    assert {"constraints.txt", "CHANGELOG.md", "deploy.tar.gz", "sbom.cdx.json", "SHA256SUMS"} < names
+    assert {each.suffix for each in dist.glob("fleetsight-*")} == {".whl", ".gz"}
+    run("sha256sum", "--check", "--strict", "SHA256SUMS", folder=dist)
+    assert len((dist / "SHA256SUMS").read_text().splitlines()) == len(names) - 1
+    with tarfile.open(dist / "deploy.tar.gz") as deploy:
+        assert {"deploy/Containerfile", "deploy/compose.yaml", "deploy/fleetsight-gateway.service"} <= set(
+            deploy.getnames()
+        )
+
+
+@pytest.mark.timeout(600)
+def test_the_bill_of_materials_names_the_pinned_packages(dist: Path) -> None:
+    bill = json.loads((dist / "sbom.cdx.json").read_text())
+    found = {each["name"]: each["version"] for each in bill["components"]}
+    pins = (line.partition("==") for line in (dist / "constraints.txt").read_text().splitlines())
+    pinned = {name: version.partition(";")[0].strip() for name, _, version in pins}
+    assert bill["bomFormat"] == "CycloneDX"
+    assert found["eclipse-zenoh"] == pinned["eclipse-zenoh"]
+    assert len(found) > 50
+
+
+@pytest.mark.timeout(600)
+def test_the_wheel_installs_and_starts_without_a_checkout(dist: Path, tmp_path: Path) -> None:
+    (wheel,) = dist.glob("*.whl")
+    run(sys.executable, "-m", "venv", str(tmp_path / "venv"))
+    python = str(tmp_path / "venv/bin/python")
+    run(python, "-m", "pip", "install", "--quiet", "--constraint", str(dist / "constraints.txt"), str(wheel))
+    assert run(str(tmp_path / "venv/bin/fleetsight"), "--version", folder=tmp_path).startswith("fleetsight ")
+    listed = run(python, "-m", "zipfile", "--list", str(wheel))
+    assert "services/detector/weights/warehouse-n-seg.pt" in listed
+    assert "tests/" not in listed
