@@ -34,11 +34,12 @@ from benchmarks.progress import note
 from benchmarks.targets import at_least, at_most
 from benchmarks.worldmodel.load import Load, measured_apart
 from benchmarks.worldmodel.recording import RecordedRound, Recorder, TrueObject
-from benchmarks.worldmodel.replay import EXACT, PoseError, Replayed, replay
+from benchmarks.worldmodel.replay import EXACT, Replayed, replay
 from benchmarks.worldmodel.scoring import FoundObject, IdentityScore, InventoryScore, asked_for
 from services.detector.model import ModelError
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.monitor.map.last_seen import SightingMap
+from services.simulator.localisation import Drift
 from services.toolbox.train.inference import open_weights
 from services.training.dataset import holdout_seed
 from services.training.evaluation.scenes import generator_digest
@@ -81,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         arguments.seconds,
         arguments.weights,
         arguments.runtime,
-        PoseError(arguments.position_m, arguments.heading_deg),
+        Drift(arguments.position_m, arguments.heading_deg),
         arguments.load_seconds,
         arguments.work_dir,
     )
@@ -95,19 +96,19 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What to measure. error: of localisation."""
+    """What to measure. drift: of localisation."""
 
     warehouses: int
     seconds: int
     weights: Path
     runtime: str
-    error: PoseError
+    drift: Drift
     load_seconds: int
     work_dir: Path
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class Drives:
     """So many seconds of rounds through the warehouse of a seed."""
 
     seed: int
@@ -149,8 +150,8 @@ def measure(plan: Plan) -> dict[str, Any]:
             seed = holdout_seed(SEED, FIRST + number)
             rounds = [recorder.round(seed, robot) for robot in range(ROBOTS)]
             note(f"warehouse {number + 1}/{plan.warehouses} recorded")
-            drive = Drive(seed, plan.seconds, rounds)
-            _drive(drive, plan.error, world, merging)
+            drive = Drives(seed, plan.seconds, rounds)
+            _drive(drive, plan.drift, world, merging)
             _drive(drive, EXACT, exact)
             note(f"warehouse {number + 1}/{plan.warehouses} compared: F1 so far {world.inventory.f1}")
     load = measured_apart(Load(seconds=plan.load_seconds)) if plan.load_seconds else {}
@@ -165,7 +166,7 @@ def measure(plan: Plan) -> dict[str, Any]:
         **found,
         "warehouses": plan.warehouses,
         "seconds_driven": plan.seconds,
-        "localisation_error": {"metres": plan.error.metres, "degrees": plan.error.degrees},
+        "localisation_error": {"metres": plan.drift.metres, "degrees": plan.drift.degrees},
         "seconds": round(time.monotonic() - began, 1),
         "weights": {"file": plan.weights.name, "sha256": weights_digest},
         "machine": machine(),
@@ -193,7 +194,7 @@ def targets(found: dict[str, Any], warehouses: int) -> dict[str, Any]:
     return made
 
 
-def _drive(drive: Drive, error: PoseError, world: Scores, merging: Scores | None = None) -> None:
+def _drive(drive: Drives, drift: Drift, world: Scores, merging: Scores | None = None) -> None:
     """Drive for so long, and compare each model with the truth as it goes, and at the end."""
     rounds, seconds = drive.rounds, drive.seconds
     true = {each.instance: each for of in rounds for each in of.objects}
@@ -201,7 +202,7 @@ def _drive(drive: Drive, error: PoseError, world: Scores, merging: Scores | None
     model, places = _World(), _Places()
     ids = {"world": IdentityScore(), "places": IdentityScore()}
     looked_s = 0.0
-    for replayed in replay(rounds, seconds, error, drive.seed):
+    for replayed in replay(rounds, seconds, drift, drive.seed):
         model.take(replayed)
         if merging is not None:
             places.take(replayed)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from services.simulator.film import Equipment, Film, Store
+from services.simulator.localisation import Drift, Localisation
 from services.simulator.robot import Robot
 from services.simulator.settings import SimulatorSettings
 from services.simulator.topics import topics
@@ -43,4 +44,20 @@ def robots(settings: SimulatorSettings, *, namespaced: bool) -> Iterator[Robot]:
                 warehouse_seed(settings.seed, warehouse), equipment(settings), settings.frames, settings.hz, store
             )
         name = f"r{number + 1}"
-        yield Robot(name, f"/{name}" if namespaced else "", films[warehouse], published, ahead=convoy * BEHIND)
+        yield Robot(
+            name,
+            f"/{name}" if namespaced else "",
+            films[warehouse],
+            published,
+            ahead=convoy * BEHIND,
+            localisation=_localisation(settings, number),
+        )
+
+
+def _localisation(settings: SimulatorSettings, number: int) -> Localisation | None:
+    """Return the errors of a robot, counted from 0; None where it has none."""
+    drift = Drift(settings.drift_m, settings.drift_deg, settings.drift_s)
+    lost = [each for each in settings.times_lost if each.robot == f"r{number + 1}"]
+    if not (drift.metres or drift.degrees or lost):
+        return None
+    return Localisation(drift, lost, (settings.seed, number))

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from contextlib import AsyncExitStack
+from functools import partial
 
 from gateway.ros1.node import Node
 from gateway.ros1.tcpros.publisher import Publication
@@ -53,7 +54,9 @@ class LiveRobot:
         while True:
             await asyncio.sleep(begun_s + number * self._period_s - loop.time())
             if wanted := self._wanted():
-                self._publish(await loop.run_in_executor(executor, self.robot.publish, number, wanted, time.time_ns))
+                second = self._delay_s + number * self._period_s
+                publish = partial(self.robot.publish, number, wanted, time.time_ns, second)
+                self._publish(await loop.run_in_executor(executor, publish))
             number = max(number + 1, round((loop.time() - begun_s) / self._period_s))
 
     def _wanted(self) -> list[Topic]:
