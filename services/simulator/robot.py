@@ -71,10 +71,10 @@ class Robot:
         """Return the messages of the wanted topics at an instant, transforms first, all with the stamp from `clock`.
 
         The clock is read once all is measured: simulating takes time that measuring does not. second: when that is,
-        since the start, which says how far localisation is off.
+        since the start, which says how far localisation is off and how the world has changed.
         """
         instant = number + self.ahead
-        measured = self.film.measure(instant, _parts(wanted))
+        measured = self.film.measure(instant, _parts(wanted), second)
         stamp = clock()
         return [
             (topic, self._message(topic.content, Head(number, stamp), self._way(instant, second), measured))

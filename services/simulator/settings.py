@@ -76,6 +76,15 @@ class SimulatorSettings(BaseModel):
     warehouses: Annotated[
         int, Field(ge=1, le=100, description="number of warehouses; with more robots, some share one")
     ] = 3
+    changes_per_minute: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=20,
+            description="changes of each warehouse per minute, at most: forklifts drive, pallets and boxes are"
+            " taken away, brought and moved",
+        ),
+    ] = 0.0
     drift_m: Annotated[
         float,
         Field(
@@ -148,6 +157,12 @@ class SimulatorSettings(BaseModel):
             raise ValueError("--bag needs no ROS master: leave out --ros-master")
         if self.bag is not None and self.summary and "summary" in options:
             raise ValueError("--summary counts what is published live: leave it out with --bag")
+        return self
+
+    @model_validator(mode="after")
+    def _what_changes_is_not_rendered_before(self) -> Self:
+        if self.prerender and self.changes_per_minute:
+            raise ValueError("--prerender renders a world that stands still: leave it out with --changes-per-minute")
         return self
 
     @model_validator(mode="after")

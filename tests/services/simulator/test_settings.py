@@ -46,6 +46,8 @@ def test_ros_own_variable_names_a_real_master(monkeypatch: pytest.MonkeyPatch) -
         ("drift_s", 0),
         ("lost", ["r1=80-60"]),
         ("lost_m", 0),
+        ("changes_per_minute", -1),
+        ("changes_per_minute", 1_000),
     ],
 )
 def test_what_is_wrong_is_named(field: str, value: object) -> None:
@@ -57,6 +59,11 @@ def test_what_is_wrong_is_named(field: str, value: object) -> None:
 def test_a_robot_has_all_its_sensors_unless_told_otherwise() -> None:
     assert SimulatorSettings().streams == ["color", "depth", "points", "lidar"]
     assert SimulatorSettings.model_validate({"streams": ["depth"]}).streams == [Stream.DEPTH]
+
+
+def test_a_world_that_changes_cannot_be_rendered_before() -> None:
+    with pytest.raises(ValidationError, match=r"leave it out with --changes-per-minute"):
+        SimulatorSettings(prerender=True, changes_per_minute=3)
 
 
 def test_only_robots_that_are_there_can_be_lost() -> None:
