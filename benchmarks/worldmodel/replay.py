@@ -1,6 +1,6 @@
 """Replays recorded rounds as the messages of a fleet whose localisation is off, by the distance service's own code."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -29,29 +29,41 @@ EXACT: Final = Drift()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replayed:
-    """One image's messages at an instant, and what was recorded of it."""
+    """One image's message at an instant, and what was recorded of it. distances: makes the other message."""
 
     second: float
     image: RecordedImage
     view: CameraView
-    distances: Distances
+    distances: Callable[[], Distances]
 
 
 def replay(
-    rounds: Sequence[RecordedRound], seconds: float, drift: Drift, seed: int, lost: Sequence[Lost] = ()
+    rounds: Sequence[RecordedRound],
+    seconds: float,
+    drift: Drift,
+    seed: int,
+    *,
+    lost: Sequence[Lost] = (),
+    then: Sequence[RecordedImage] = (),
+    since_s: float = 0.0,
 ) -> Iterator[Replayed]:
-    """Yield the messages of all robots in the order of their stamps; each drives its round again and again."""
+    """Yield the messages of all robots in the order of their stamps; each drives its round again and again.
+
+    then: images of the same robots in turns that go on after so many seconds. since_s: of all that, when to begin.
+    """
     hz = rounds[0].hz
     errors = [
         Localisation(drift, [each for each in lost if each.robot == of.robot], (seed, robot))
         for robot, of in enumerate(rounds)
     ]
     cameras = [_Camera() for _ in rounds]
-    for step in range(round(seconds * hz)):
-        for robot, of in enumerate(rounds):
-            second = (step + robot / len(rounds)) / hz
-            image = of.images[step % len(of.images)]
-            yield cameras[robot].messages(image, second, step, errors[robot].error(second))
+    first = round(seconds * hz) * len(rounds)
+    for number in range(round(since_s * hz) * len(rounds), first + len(then)):
+        step, robot = divmod(number, len(rounds))
+        second = (step + robot / len(rounds)) / hz
+        images = rounds[robot].images
+        image = images[step % len(images)] if number < first else then[number - first]
+        yield cameras[robot].messages(image, second, step, errors[robot].error(second))
 
 
 class _Camera:
@@ -72,7 +84,7 @@ class _Camera:
             second=second,
             image=image,
             view=self._views.view(seen, depth, Place(MAP, pose)),
-            distances=Distances(
+            distances=lambda: Distances(
                 header=header,
                 objects=measure_apart(seen.objects, depth, Criteria()),
                 model="",

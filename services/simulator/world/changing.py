@@ -16,7 +16,7 @@ from services.simulator.world.clearance import Clearance
 from services.simulator.world.cuboids import Frame
 from services.simulator.world.drive import ROBOT_RADIUS, STRIDE, Drive, RouteMap
 from services.simulator.world.movement import Motion, Outline, arcs, slide_way, there_and_back
-from services.simulator.world.scene import Scene, arranged, arranged_cuboids, outline_of
+from services.simulator.world.scene import Places, Scene, arranged, arranged_cuboids, outline_of
 from services.simulator.world.truth import PresentObject, present_in
 
 Points = NDArray[np.float64]
@@ -116,7 +116,14 @@ class ChangingWorld:
 
     def objects(self, second: float) -> tuple[PresentObject, ...]:
         """Every object that is there at an instant: its instance, class and upright box in the map."""
-        return present_in(self.scene(second))
+        return present_in(self.unpainted(second))
+
+    def unpainted(self, second: float, places: Places | None = None) -> Scene:
+        """The scene at an instant without its colours: enough for `render_geometry`, `truth` and `turn`'s ranges.
+
+        places: where some movables are taken to be instead, by number; None for away.
+        """
+        return replace(self.still, cuboids=arranged_cuboids(self.still, {**self.places(second), **(places or {})}))
 
 
 class _Planner:
