@@ -12,14 +12,15 @@ drive on while the warehouse changes: forklifts drive, pallets and boxes are tak
     duplicates          share of found objects on a true one that another found object has already
     position_error      of the centres of objects that were found, in three dimensions
     id_purity           share of sightings whose object went by its usual id, which is no other object's usual one
-    noticed_p95_s       seconds from the first image that shows a changed place well until the model says so, 95th
+    noticed_p95_s       seconds from the first image of the first look at a changed place until the model says so, 95th
                         percentile, also apart as gone_p95_s and new_p95_s; none where more than one in twenty is never
-                        noticed. An image shows a place well where what left it would be 0.5 % of the image and half
-                        visible, before something within 10 m, or what came to it is. Left out: what the model did not
-                        know before, and what is undone, or the end of the drive, within 3 s
+                        noticed. A look is three images within two seconds, of any robots, that show the place well:
+                        what left it would be 0.5 % of the image and half visible, before something within 10 m, or
+                        what came to it is. Left out: what the model did not know before, what nobody had a look at,
+                        and what is undone, or the end of the drive, within 3 s
     false_gone          objects told to be gone, per object and minute, that stand still, where no other one is known
     false_moved         the same of objects told to have moved, while nothing moves
-    moved_seen_kept_id  share of known objects, moved while shown well at least every 1.5 s, that keep their ids
+    moved_seen_kept_id  share of known objects, moved while half visible at least every 1.5 s, that keep their ids
     moved_unseen_new_id share of those that no image shows on their way that get other ids
     lost_robot          the same while one robot in three takes itself to be elsewhere for the last 40 s
     exact_poses         the same figures without errors of localisation

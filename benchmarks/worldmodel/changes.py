@@ -16,8 +16,12 @@ TIME_TO_NOTICE_S: Final = 3.0
 WELL_SHARE: Final = 0.005
 """Share of an image from which on it shows something well, if half of it is unhidden: 40 x 40 pixels of 640 x 480."""
 
+LOOK_IMAGES: Final = 3
+LOOK_S: Final = 2.0
+"""So many images within so many seconds, of whatever robots, are a look at a place: less is a glance."""
+
 SEEN_MOVING_S: Final = 1.5
-"""What is shown well at least so often from before it moves until it is there is seen moving."""
+"""What is at least half unhidden so often, from before it moves until it is there, is seen moving."""
 
 
 @dataclass(slots=True)
@@ -45,19 +49,28 @@ class StandingScore:
 
 @dataclass(slots=True)
 class _Awaited:
-    """A change at a place that the model is to notice. id: of the object that leaves it; "" for one that comes."""
+    """A change at a place that the model is to notice. id: of the object that leaves it; "" for one that comes.
+
+    shown: seconds of the images that show the place well.
+    """
 
     change: ObjectChange
     id: str
-    shown_s: float | None = None
+    shown: list[float] = field(default_factory=list)
+
+    @property
+    def since_s(self) -> float | None:
+        """When the first look at the place began: LOOK_IMAGES within LOOK_S."""
+        ends = self.shown[LOOK_IMAGES - 1 :]
+        return next((begin for begin, end in zip(self.shown, ends, strict=False) if end - begin <= LOOK_S), None)
 
 
 @dataclass(slots=True)
 class ChangeScore:
     """How soon changes are noticed, and whether things keep their ids; of any number of warehouses.
 
-    gone_s, new_s: seconds from the first image that shows a place well that something has left, or has come to, until
-    the model says so; infinite where it did not. Ids: of how many moved objects, and of how many of these it was right.
+    gone_s, new_s: seconds from the first image of the first look at a place that something has left, or has come to,
+    until the model says so; infinite where it did not. Ids: of how many moved objects, and of how many it was right.
     """
 
     gone_s: list[float] = field(default_factory=list)
@@ -113,7 +126,7 @@ class ChangeWatch:
             self._end(change)
         for seen in image.visible:
             if seen.instance in self._sights:
-                self._sights[seen.instance].append((second, _is_well(seen)))
+                self._sights[seen.instance].append((second, seen.visibility >= LEAST_VISIBILITY))
         _note_shown(self._left, image.missing, second)
         _note_shown(self._come, image.visible, second)
         for instance, awaited in list(self._left.items()):
@@ -182,21 +195,24 @@ class ChangeWatch:
 
     @staticmethod
     def _settle(awaited: _Awaited, second: float, noted: list[float]) -> None:
-        """Note how long it took; what the model knew before it was shown well, it knew at once."""
-        noted.append(second - (second if awaited.shown_s is None else awaited.shown_s))
+        """Note how long it took, also where there was no more than a glance."""
+        glance = next((each for each in awaited.shown if each >= second - LOOK_S), second)
+        noted.append(second - (glance if awaited.since_s is None else awaited.since_s))
 
     @staticmethod
     def _give_up(awaiting: dict[int, _Awaited], instance: int, second: float, noted: list[float]) -> None:
         awaited = awaiting.pop(instance, None)
-        if awaited is not None and awaited.shown_s is not None and second - awaited.shown_s > TIME_TO_NOTICE_S:
+        if awaited is None or awaited.since_s is None:
+            return
+        if second - awaited.since_s > TIME_TO_NOTICE_S:
             noted.append(inf)
 
 
 def _note_shown(awaiting: dict[int, _Awaited], visible: Iterable[VisibleObject], second: float) -> None:
     for seen in visible:
         awaited = awaiting.get(seen.instance)
-        if awaited is not None and awaited.shown_s is None and _is_well(seen):
-            awaited.shown_s = second
+        if awaited is not None and _is_well(seen):
+            awaited.shown.append(second)
 
 
 def _is_well(seen: VisibleObject) -> bool:

@@ -40,7 +40,9 @@ JUMP_M_S: Final = 4.0
 """Robots do not drive faster: a pose that does has jumped."""
 
 JUMP_M: Final = 0.5
-DOUBT_VIEWS: Final = 4
+DOUBT_VIEWS: Final = 3
+"""Fewer than the looks past a well known object that let it be gone: a lost robot is doubted before."""
+
 TRUST_VIEWS: Final = 3
 FEWEST: Final = 3
 """Objects expected in view, at least, for a view to tell whether its pose is right."""

@@ -49,14 +49,14 @@ def watch(*changes: ObjectChange, score: ChangeScore) -> ChangeWatch:
     return ChangeWatch(RecordedChanges(hz=2.0, start=0, images=[], objects=objects, changes=list(changes)), score)
 
 
-def test_it_is_counted_from_the_first_image_that_shows_that_something_is_gone() -> None:
+def test_it_is_counted_from_the_first_look_at_where_something_is_gone() -> None:
     score = ChangeScore()
     watched = watch(change(1.0, 1.0, HERE, None), score=score)
     known = [found("a")]
     watched.add(image(0.5, visible=(7,)), known)
-    watched.add(image(2.0), known)
-    watched.add(image(4.0, missing=(7,)), known)
-    watched.add(image(5.0), known)
+    watched.add(image(2.0, missing=(7,)), known)
+    for second in (4.0, 4.5, 5.0):
+        watched.add(image(second, missing=(7,)), known)
     watched.add(image(6.5, missing=(7,)), [])
     watched.end(60.0)
     assert (score.gone_s, score.new_s) == ([2.5], [])
@@ -74,10 +74,26 @@ def test_what_is_never_noticed_counts_and_what_nobody_could_see_or_nobody_knew_d
         watched = watch(change(1.0, 1.0, HERE, None), score=score)
         objects = [found("a")] if known else []
         watched.add(image(0.5), objects)
-        watched.add(image(4.0, missing=() if first is None else (7,)), objects)
+        for second in (4.0, 4.5, 5.0):
+            watched.add(image(second, missing=() if first is None else (7,)), objects)
         watched.end(ends_s)
         assert score.gone_s == expected
         assert score.summary()["noticed_p95_s"] is None
+
+
+def test_a_glance_is_no_look() -> None:
+    score = ChangeScore()
+    watched = watch(change(1.0, 1.0, HERE, None), score=score)
+    watched.add(image(0.5), [found("a")])
+    for second in (4.0, 4.5, 20.0, 30.0):
+        watched.add(image(second, missing=(7,)), [found("a")])
+    watched.end(60.0)
+    assert score.gone_s == []
+    watched = watch(change(1.0, 1.0, HERE, None), score=score)
+    watched.add(image(0.5), [found("a")])
+    watched.add(image(4.0, missing=(7,)), [found("a")])
+    watched.add(image(5.0, missing=(7,)), [])
+    assert score.gone_s == [1.0]
 
 
 def test_what_comes_is_noticed_once_it_is_known_at_its_place() -> None:

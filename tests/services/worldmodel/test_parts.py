@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from schemas.distances import REACHES
 from services.worldmodel.classes import MAX_CLASSES, Classes
 from services.worldmodel.events import BACK_NS, Gone
 from services.worldmodel.fusion import fitted
@@ -103,6 +104,14 @@ def test_growth_at_one_side_is_no_motion() -> None:
     moved = edges_of(0.6, 0.0, 0.4, 0.4, 0.0)[np.newaxis]
     assert shifted(grown, before)[0] < 0.2
     assert shifted(moved, before)[0] == pytest.approx(0.6, abs=0.01)
+
+
+def test_edges_that_were_not_measured_before_tell_no_motion() -> None:
+    guessed = edges_of(0.0, 0.0, 0.4, 0.4, 0.0)[np.newaxis]
+    moved = edges_of(0.6, 0.0, 0.4, 0.4, 0.0)[np.newaxis]
+    known = np.where(np.arange(REACHES) < REACHES // 2, guessed, np.nan)
+    assert shifted(moved, known)[0] == 0
+    assert shifted(moved, guessed)[0] > 0.5
 
 
 def test_an_offset_is_learned_and_forgotten_again() -> None:
