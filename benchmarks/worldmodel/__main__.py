@@ -2,7 +2,8 @@
 
 Held-out warehouses, three robots each on rounds of their own, the shipped model, and the code of a detector and of the
 distance service. An object is there to be found when it was at least 0.1 % of an image and half visible in three of
-them. Recorded rounds are kept in the work directory; each drive repeats them until its time is over.
+them. Recorded rounds are kept in the work directory; each drive repeats them until its time is over. Then the robots
+drive on while the warehouse changes: forklifts drive, pallets and boxes are taken away, brought and moved.
 
     inventory_f1        F1 of the objects at the end: a found one is right if its centre is within 0.5 m (forklifts 1 m)
                         of a true one of its class, one to one. On a true one that is not asked for, it is ignored
@@ -11,6 +12,17 @@ them. Recorded rounds are kept in the work directory; each drive repeats them un
     duplicates          share of found objects on a true one that another found object has already
     position_error      of the centres of objects that were found, in three dimensions
     id_purity           share of sightings whose object went by its usual id, which is no other object's usual one
+    noticed_p95_s       seconds from the first image of the first look at a changed place until the model says so, 95th
+                        percentile, also apart as gone_p95_s and new_p95_s; none where more than one in twenty is never
+                        noticed. A look is three images within two seconds, of any robots, that show the place well:
+                        what left it would be 0.5 % of the image and half visible, before something within 10 m, or
+                        what came to it is. Left out: what the model did not know before, what nobody had a look at,
+                        and what is undone, or the end of the drive, within 3 s
+    false_gone          objects told to be gone, per object and minute, that stand still, where no other one is known
+    false_moved         the same of objects told to have moved, while nothing moves
+    moved_seen_kept_id  share of known objects, moved while half visible at least every 1.5 s, that keep their ids
+    moved_unseen_new_id share of those that no image shows on their way that get other ids
+    lost_robot          the same while one robot in three takes itself to be elsewhere for the last 40 s
     exact_poses         the same figures without errors of localisation
     merging_0_6_m       the same of today's map, in two dimensions: it knows no heights
     load                cameras x rate x objects a view against so many known objects, on one core: how long views
@@ -24,7 +36,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,19 +44,17 @@ from benchmarks.arguments import at_least_one, parser_of, show
 from benchmarks.machine import machine, versions
 from benchmarks.progress import note
 from benchmarks.targets import at_least, at_most
+from benchmarks.worldmodel.drives import Drives, Scores, drive, drive_changes, drive_lost
 from benchmarks.worldmodel.load import Load, measured_apart
-from benchmarks.worldmodel.recording import RecordedRound, Recorder, TrueObject
-from benchmarks.worldmodel.replay import EXACT, PoseError, Replayed, replay
-from benchmarks.worldmodel.scoring import FoundObject, IdentityScore, InventoryScore, asked_for
+from benchmarks.worldmodel.recording import Recorder
+from benchmarks.worldmodel.replay import EXACT
 from services.detector.model import ModelError
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
-from services.monitor.map.last_seen import SightingMap
+from services.simulator.localisation import Drift, Lost
 from services.toolbox.train.inference import open_weights
 from services.training.dataset import holdout_seed
 from services.training.evaluation.scenes import generator_digest
 from services.training.files import TrainingError
-from services.worldmodel.inventory import Inventory
-from services.worldmodel.model import SiteModel
 
 SEED: Final = 1
 FIRST: Final = 310_000
@@ -52,12 +62,14 @@ FIRST: Final = 310_000
 
 ROBOTS: Final = 3
 HZ: Final = 2.0
-LOOK_EVERY_S: Final = 2.0
-"""Seconds between two comparisons of ids."""
+LEARN_S: Final = 90.0
+"""Seconds of rounds through the warehouse before it changes; half of the drive if that is shorter."""
+
+LOST_S: Final = 40.0
+"""Seconds for which a robot is lost, at the end; half of the drive if that is shorter."""
 
 CONFIDENCE: Final[float] = DetectorSettings.model_fields["confidence"].default
 PACKAGES: Final = ("ultralytics-opencv-headless", "torch", "lapx", "numpy", "opencv-python-headless")
-NS: Final = 1_000_000_000
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -71,6 +83,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         "--position-m", type=float, default=0.05, help="localisation's deviation (default: %(default)s)"
     )
     parser.add_argument("--heading-deg", type=float, default=1.0, help="and of the heading (default: %(default)s)")
+    parser.add_argument(
+        "--changing-seconds",
+        type=int,
+        default=60,
+        help="of a warehouse that changes, 0 for none (default: %(default)s)",
+    )
     parser.add_argument("--load-seconds", type=int, default=10, help="of the load, 0 for none (default: %(default)s)")
     parser.add_argument(
         "--work-dir", type=Path, default=Path("runs/worldmodel"), help="keeps recordings (default: %(default)s)"
@@ -81,9 +99,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         arguments.seconds,
         arguments.weights,
         arguments.runtime,
-        PoseError(arguments.position_m, arguments.heading_deg),
+        Drift(arguments.position_m, arguments.heading_deg),
         arguments.load_seconds,
         arguments.work_dir,
+        arguments.changing_seconds,
     )
     try:
         with contextlib.redirect_stdout(sys.stderr):
@@ -95,37 +114,16 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What to measure. error: of localisation."""
+    """What to measure. drift: of localisation. changing_seconds: in each warehouse."""
 
     warehouses: int
     seconds: int
     weights: Path
     runtime: str
-    error: PoseError
+    drift: Drift
     load_seconds: int
     work_dir: Path
-
-
-@dataclass(frozen=True, slots=True)
-class Drive:
-    """So many seconds of rounds through the warehouse of a seed."""
-
-    seed: int
-    seconds: int
-    rounds: Sequence[RecordedRound]
-
-
-@dataclass(slots=True)
-class Scores:
-    """The scores of one model over all warehouses."""
-
-    inventory: InventoryScore = field(default_factory=InventoryScore)
-    purities: list[float] = field(default_factory=list)
-
-    def summary(self) -> dict[str, Any]:
-        """Return the figures by name."""
-        purity = round(sum(self.purities) / len(self.purities), 3) if self.purities else None
-        return {**self.inventory.summary(), "id_purity": purity}
+    changing_seconds: int
 
 
 def measure(plan: Plan) -> dict[str, Any]:
@@ -139,7 +137,8 @@ def measure(plan: Plan) -> dict[str, Any]:
     weights_digest = hashlib.sha256(plan.weights.read_bytes()).hexdigest()
     digest = hashlib.sha256(f"{weights_digest}{generator_digest()}{CONFIDENCE}".encode()).hexdigest()
     began = time.monotonic()
-    world, exact, merging = Scores(), Scores(), Scores()
+    world, exact, astray, merging = Scores(), Scores(), Scores(), Scores()
+    learn_s, lost_s = min(LEARN_S, plan.seconds / 2), max(plan.seconds / 2, plan.seconds - LOST_S)
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as scratch:
         predict = open_weights(
             plan.weights, confidence=CONFIDENCE, device="cpu", folder=Path(scratch), runtime=plan.runtime
@@ -149,13 +148,21 @@ def measure(plan: Plan) -> dict[str, Any]:
             seed = holdout_seed(SEED, FIRST + number)
             rounds = [recorder.round(seed, robot) for robot in range(ROBOTS)]
             note(f"warehouse {number + 1}/{plan.warehouses} recorded")
-            drive = Drive(seed, plan.seconds, rounds)
-            _drive(drive, plan.error, world, merging)
-            _drive(drive, EXACT, exact)
+            drives = Drives(seed, plan.seconds, rounds)
+            kept = drive(drives, plan.drift, world, merging, keep=[lost_s, learn_s])
+            drive(drives, EXACT, exact)
+            drive_lost(drives, plan.drift, kept[lost_s], Lost(rounds[1].robot, lost_s, plan.seconds), astray)
             note(f"warehouse {number + 1}/{plan.warehouses} compared: F1 so far {world.inventory.f1}")
+            if plan.changing_seconds:
+                recorded = recorder.changes(seed, ROBOTS, learn_s, plan.changing_seconds)
+                drive_changes(Drives(seed, learn_s, rounds), plan.drift, kept[learn_s], recorded, world)
+                note(f"warehouse {number + 1}/{plan.warehouses}: {len(recorded.changes)} objects changed")
     load = measured_apart(Load(seconds=plan.load_seconds)) if plan.load_seconds else {}
     found = {
         **world.summary(),
+        **world.standing.summary(),
+        **world.changes.summary(),
+        "lost_robot": {"inventory_f1": astray.inventory.f1, **astray.standing.summary()},
         "exact_poses": exact.summary(),
         "merging_0_6_m": merging.summary(),
         "load": load,
@@ -165,7 +172,8 @@ def measure(plan: Plan) -> dict[str, Any]:
         **found,
         "warehouses": plan.warehouses,
         "seconds_driven": plan.seconds,
-        "localisation_error": {"metres": plan.error.metres, "degrees": plan.error.degrees},
+        "seconds_changing": plan.changing_seconds,
+        "localisation_error": {"metres": plan.drift.metres, "degrees": plan.drift.degrees},
         "seconds": round(time.monotonic() - began, 1),
         "weights": {"file": plan.weights.name, "sha256": weights_digest},
         "machine": machine(),
@@ -178,6 +186,7 @@ def targets(found: dict[str, Any], warehouses: int) -> dict[str, Any]:
     flat = {
         **found,
         "inventory_f1_exact_poses": found["exact_poses"]["inventory_f1"],
+        "inventory_f1_lost_robot": found["lost_robot"]["inventory_f1"],
         **{f"count_error_{name}": value for name, value in found["count_error"].items()},
         "forklifts_exact": (found["exact"].get("forklift", 0) / warehouses),
         **{f"load_{name}": value for name, value in found["load"].items()},
@@ -188,68 +197,12 @@ def targets(found: dict[str, Any], warehouses: int) -> dict[str, Any]:
     made |= at_least(flat, "forklifts_exact", 0.875) | at_most(flat, "duplicates", 0.02)
     made |= at_most(flat, "position_error_p50_m", 0.10) | at_most(flat, "position_error_p95_m", 0.35)
     made |= at_least(flat, "id_purity", 0.95)
+    made |= at_most(flat, "noticed_p95_s", 3.0) | at_most(flat, "false_gone", 0.01)
+    made |= at_most(flat, "false_moved", 0.01) | at_least(flat, "inventory_f1_lost_robot", 0.98, "inventory_f1")
+    made |= at_least(flat, "moved_seen_kept_id", 0.9) | at_least(flat, "moved_unseen_new_id", 0.9)
     if found["load"]:
         made |= at_most(flat, "load_lag_p99_ms", 500) | at_most(flat, "load_rss_mb", 500)
     return made
-
-
-def _drive(drive: Drive, error: PoseError, world: Scores, merging: Scores | None = None) -> None:
-    """Drive for so long, and compare each model with the truth as it goes, and at the end."""
-    rounds, seconds = drive.rounds, drive.seconds
-    true = {each.instance: each for of in rounds for each in of.objects}
-    asked = asked_for(image for of in rounds for image in of.images)
-    model, places = _World(), _Places()
-    ids = {"world": IdentityScore(), "places": IdentityScore()}
-    looked_s = 0.0
-    for replayed in replay(rounds, seconds, error, drive.seed):
-        model.take(replayed)
-        if merging is not None:
-            places.take(replayed)
-        if replayed.second - looked_s >= LOOK_EVERY_S / len(rounds):
-            looked_s = replayed.second
-            ids["world"].add(replayed.image, true, model.found())
-    _note(world, true, asked, model.found(), ids["world"])
-    if merging is not None:
-        _note(merging, true, asked, places.found(seconds), ids["places"])
-
-
-def _note(
-    scores: Scores, true: dict[int, TrueObject], asked: set[int], found: Sequence[FoundObject], ids: IdentityScore
-) -> None:
-    scores.inventory.add(list(true.values()), asked, found)
-    if ids.purity is not None:
-        scores.purities.append(ids.purity)
-
-
-class _World:
-    """The world model."""
-
-    def __init__(self) -> None:
-        self._model = SiteModel()
-        self._inventory = Inventory("hall", "b", self._model)
-
-    def take(self, replayed: Replayed) -> None:
-        self._model.take(replayed.view, NS + round(replayed.second * NS))
-
-    def found(self) -> list[FoundObject]:
-        objects = self._model.objects
-        rows = objects.known()
-        known = (self._inventory.object(int(row)) for row in rows[objects.confirmed[rows]])
-        return [FoundObject(each.id, each.name, each.at) for each in known]
-
-
-class _Places:
-    """Today's map of the monitor."""
-
-    def __init__(self) -> None:
-        self._map = SightingMap()
-
-    def take(self, replayed: Replayed) -> None:
-        self._map.take(replayed.distances, NS + round(replayed.second * NS))
-
-    def found(self, second: float) -> list[FoundObject]:
-        marks = self._map.marks(NS + round(second * NS))
-        return [FoundObject(str(number), mark.name, (mark.x, mark.y)) for number, mark in enumerate(marks)]
 
 
 if __name__ == "__main__":

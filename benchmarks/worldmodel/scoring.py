@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.accuracy.identities import assigned
-from benchmarks.worldmodel.recording import NOTHING, RecordedImage, TrueObject
+from benchmarks.worldmodel.recording import LEAST_SHARE, NOTHING, RecordedImage, TrueObject
 
-LEAST_SHARE: Final = 0.001
 LEAST_VISIBILITY: Final = 0.5
 LEAST_IMAGES: Final = 3
 """An object is there to be found when it was at least so much of an image, and visible so far, in so many images."""

@@ -186,7 +186,7 @@ def _turns(robots: Sequence[Robot], hz: float, instants: int) -> Iterator[tuple[
 
 def _messages(robot: Robot, number: int, stamp: int) -> list[tuple[Topic, bytes]]:
     wanted = [topic for topic in robot.topics if number == 0 or not topic.latched]
-    return robot.publish(number, wanted, lambda: stamp)
+    return robot.publish(number, wanted, lambda: stamp, (stamp - START_NS) / SECOND_NS)
 
 
 def _bytes_of_instant(robot: Robot) -> int:

@@ -15,11 +15,13 @@ from services.simulator.messages import ringed_points
 from services.simulator.placement import COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, Placement, of_pose, rig, to_pose
 from services.simulator.world import (
     Camera,
+    ChangingWorld,
     DepthSensor,
     Drive,
     Lidar,
     Pose,
     Rendering,
+    Scene,
     Sensor,
     as_16uc1,
     expose,
@@ -158,7 +160,8 @@ class Film:
     """`frames` instants of a closed drive through the warehouse of `seed`: the same ones for the same arguments.
 
     hz: how many of them pass in a second, which is how fast the robot drives; 0 where it stands at each. round: number
-    of the round through the warehouse, each another way.
+    of the round through the warehouse, each another way. world: the same warehouse as it changes; its measurements are
+    not kept, as none comes twice.
     """
 
     def __init__(
@@ -170,12 +173,14 @@ class Film:
         store: Store,
         *,
         round: int = 0,  # noqa: A002
+        world: ChangingWorld | None = None,
     ) -> None:
         self.seed = seed
         self.equipment = equipment
         self.frames = frames
         self.store = store
-        self._scene = generate(seed)
+        self._scene = generate(seed) if world is None else world.still
+        self.world = world
         self._way = (round,) if round else ()  # the first round's pictures are those of a seed alone
         self._drive = Drive.plan(self._scene, round)
         self.rig = rig(self._drive.camera_height, self._drive.camera_pitch)
@@ -190,12 +195,17 @@ class Film:
         """The pose of `base_link` in the map."""
         return of_pose(self._drive.pose(self.fraction(number))) @ self._from_camera
 
-    def measure(self, number: int, parts: Collection[Part]) -> dict[Part, Array]:
-        """Return these parts of an instant; the drive repeats after the last. Arrays may be read-only."""
+    def measure(self, number: int, parts: Collection[Part], second: float = 0.0) -> dict[Part, Array]:
+        """Return these parts of an instant; the drive repeats after the last. Arrays may be read-only.
+
+        second: when that is, since the start, in a world that changes.
+        """
         index = number % self.frames
+        if self.world is not None:
+            return self._made(self.world.scene(second), index, parts)
         kept = {part: self.store.get(self._key(index, part)) for part in parts}
         missing = [part for part, array in kept.items() if array is None]
-        made = self._made(index, missing) if missing else {}
+        made = self._made(self._scene, index, missing) if missing else {}
         for part, array in made.items():
             self.store.put(self._key(index, part), array)
         return {part: array for part, array in {**kept, **made}.items() if array is not None}
@@ -203,17 +213,17 @@ class Film:
     def _key(self, index: int, part: Part) -> Hashable:
         return self.seed, index, part, *self._way
 
-    def _made(self, index: int, parts: Collection[Part]) -> dict[Part, Array]:
+    def _made(self, scene: Scene, index: int, parts: Collection[Part]) -> dict[Part, Array]:
         made: dict[Part, Array] = {}
         exact: NDArray[np.float32] | None = None
         if Part.COLOR in parts:
-            seen = render(self._scene, self._drive.pose(self.fraction(index)), self.equipment.color)
+            seen = render(scene, self._drive.pose(self.fraction(index)), self.equipment.color)
             made[Part.COLOR] = expose(self._smeared(index, seen), Sensor(), self._rng(index))
             exact = seen.depth if self.equipment.aligned else None
         if Part.DEPTH in parts:
-            made[Part.DEPTH] = self._depth(index, exact)
+            made[Part.DEPTH] = self._depth(scene, index, exact)
         if Part.SWEEP in parts:
-            made[Part.SWEEP] = ringed_points(turn(self._scene, self._pose(index, LIDAR), Lidar(), self._rng(index, 2)))
+            made[Part.SWEEP] = ringed_points(turn(scene, self._pose(index, LIDAR), Lidar(), self._rng(index, 2)))
         return made
 
     def _smeared(self, index: int, seen: Rendering) -> Array:
@@ -221,10 +231,10 @@ class Film:
         opened, closed = self._drive.pose(now - half), self._drive.pose(now + half)
         return smeared(seen, self.equipment.color, opened, closed)
 
-    def _depth(self, index: int, exact: NDArray[np.float32] | None) -> Array:
+    def _depth(self, scene: Scene, index: int, exact: NDArray[np.float32] | None) -> Array:
         camera = self.equipment.depth_camera
         if exact is None:
-            exact = render_geometry(self._scene, self._pose(index, self.equipment.depth_frame), camera).depth
+            exact = render_geometry(scene, self._pose(index, self.equipment.depth_frame), camera).depth
         return as_16uc1(sense(exact, camera, DepthSensor(), self._rng(index, 1)))
 
     def _pose(self, index: int, frame: str) -> Pose:

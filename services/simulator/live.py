@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor
 from contextlib import AsyncExitStack
+from functools import partial
 
 from gateway.ros1.node import Node
 from gateway.ros1.tcpros.publisher import Publication
@@ -15,13 +16,15 @@ from services.simulator.topics import Content, Topic
 class LiveRobot:
     """Publishes a robot's topics `hz` times a second. `executor` measures, off the event loop.
 
-    delay_s: before the first time, so that the robots of a fleet take turns.
+    delay_s: before the first time, so that the robots of a fleet take turns. begun_s: the event loop's time from which
+    the fleet's seconds count; None for this robot's own start.
     """
 
-    def __init__(self, robot: Robot, hz: float, delay_s: float = 0.0) -> None:
+    def __init__(self, robot: Robot, hz: float, delay_s: float = 0.0, begun_s: float | None = None) -> None:
         self.robot = robot
         self._period_s = 1 / hz
         self._delay_s = delay_s
+        self._begun_s = begun_s
         self._publications: Mapping[Topic, Publication] = {}
 
     @property
@@ -48,12 +51,14 @@ class LiveRobot:
 
     async def _drive(self, executor: Executor) -> None:
         loop = asyncio.get_running_loop()
-        begun_s = loop.time() + self._delay_s
+        begun_s = (loop.time() if self._begun_s is None else self._begun_s) + self._delay_s
         number = 0
         while True:
             await asyncio.sleep(begun_s + number * self._period_s - loop.time())
             if wanted := self._wanted():
-                self._publish(await loop.run_in_executor(executor, self.robot.publish, number, wanted, time.time_ns))
+                second = self._delay_s + number * self._period_s
+                publish = partial(self.robot.publish, number, wanted, time.time_ns, second)
+                self._publish(await loop.run_in_executor(executor, publish))
             number = max(number + 1, round((loop.time() - begun_s) / self._period_s))
 
     def _wanted(self) -> list[Topic]:

@@ -109,11 +109,15 @@ async def _drive(
     executor: Executor,
 ) -> None:
     loop = asyncio.get_running_loop()
+    begun_s = None
+    if settings.changes_per_minute:  # robots that share a changing world share its time
+        fleet = iter(await loop.run_in_executor(executor, list, fleet))
+        begun_s = loop.time()
     async with TaskScope() as scope:
         for number, master in enumerate(masters):
             robot = await loop.run_in_executor(executor, next, fleet)
             node = Node(f"/simulated_{robot.name}_{os.getpid()}", master_uri=master, host=settings.ros_host)
-            live.append(LiveRobot(robot, settings.hz, delay_s=number / settings.robots / settings.hz))
+            live.append(LiveRobot(robot, settings.hz, number / settings.robots / settings.hz, begun_s))
             scope.start(_at(node, live[-1], executor), robot.name)
             log.info("robot %s publishes %d topics at %s", robot.name, len(robot.topics), master)
         await (asyncio.Event().wait() if settings.seconds is None else asyncio.sleep(settings.seconds))

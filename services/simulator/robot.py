@@ -6,6 +6,7 @@ from typing import Final, assert_never
 import numpy as np
 
 from services.simulator.film import Array, Film, Part
+from services.simulator.localisation import Localisation, disturbed
 from services.simulator.messages import (
     Head,
     cloud_message,
@@ -28,19 +29,32 @@ NEEDED: Final[Mapping[Content, frozenset[Part]]] = {
 }
 """The measurements that a message needs; other messages need none."""
 
+Way = list[tuple[str, str, Placement]]
+"""Frames between the map and the robot: parent, child, pose of the child in the parent."""
+
 
 class Robot:
     """Drives along a film, `ahead` instants ahead of its beginning.
 
-    namespace: `` or like `/r1`; its topics are below it.
+    namespace: `` or like `/r1`; its topics are below it. localisation: its errors; None where it has none.
     """
 
-    def __init__(self, name: str, namespace: str, film: Film, topics: Sequence[Topic], ahead: int = 0) -> None:
+    def __init__(
+        self,
+        name: str,
+        namespace: str,
+        film: Film,
+        topics: Sequence[Topic],
+        ahead: int = 0,
+        *,
+        localisation: Localisation | None = None,
+    ) -> None:
         self.name = name
         self.topics = topics
         self._namespace = namespace
         self.film = film
         self.ahead = ahead
+        self.localisation = localisation
 
     def path(self, topic: Topic) -> str:
         """Return the topic's global name."""
@@ -51,21 +65,24 @@ class Robot:
         """The measurements that its topics need."""
         return _parts(self.topics)
 
-    def publish(self, number: int, wanted: Collection[Topic], clock: Callable[[], int]) -> list[tuple[Topic, bytes]]:
+    def publish(
+        self, number: int, wanted: Collection[Topic], clock: Callable[[], int], second: float = 0.0
+    ) -> list[tuple[Topic, bytes]]:
         """Return the messages of the wanted topics at an instant, transforms first, all with the stamp from `clock`.
 
-        The clock is read once all is measured: simulating takes time that measuring does not.
+        The clock is read once all is measured: simulating takes time that measuring does not. second: when that is,
+        since the start, which says how far localisation is off and how the world has changed.
         """
         instant = number + self.ahead
-        measured = self.film.measure(instant, _parts(wanted))
+        measured = self.film.measure(instant, _parts(wanted), second)
         stamp = clock()
         return [
-            (topic, self._message(topic.content, Head(number, stamp), instant, measured))
+            (topic, self._message(topic.content, Head(number, stamp), self._way(instant, second), measured))
             for topic in self.topics
             if topic in wanted
         ]
 
-    def _message(self, content: Content, head: Head, instant: int, measured: Mapping[Part, Array]) -> bytes:
+    def _message(self, content: Content, head: Head, way: Way, measured: Mapping[Part, Array]) -> bytes:
         sensors = self.film.equipment
         match content:
             case Content.COLOR_INFO:
@@ -82,7 +99,7 @@ class Robot:
             case Content.LIDAR:
                 message = cloud_message(head.of(LIDAR), measured[Part.SWEEP])
             case Content.TF:
-                message = transforms_message(head.stamp, self._way(instant))
+                message = transforms_message(head.stamp, way)
             case Content.TF_STATIC:
                 message = transforms_message(head.stamp, self.film.rig.static())
             case _:
@@ -101,9 +118,12 @@ class Robot:
         rig = self.film.rig
         return np.linalg.inv(rig.on_robot(COLOR_OPTICAL)) @ rig.on_robot(DEPTH_OPTICAL)
 
-    def _way(self, instant: int) -> list[tuple[str, str, Placement]]:
-        odom = odometry_error(self.film.fraction(instant))
-        return [(MAP, ODOM, odom), (ODOM, BASE, np.linalg.inv(odom) @ self.film.robot(instant))]
+    def _way(self, instant: int, second: float) -> Way:
+        odom, robot = odometry_error(self.film.fraction(instant)), self.film.robot(instant)
+        in_odom = np.linalg.inv(odom) @ robot
+        if self.localisation is not None:
+            odom = disturbed(robot, self.localisation.error(second)) @ np.linalg.inv(in_odom)
+        return [(MAP, ODOM, odom), (ODOM, BASE, in_odom)]
 
 
 def _parts(topics: Collection[Topic]) -> frozenset[Part]:

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, model_val
 
 from gateway.ros1.addresses import validate_host, validate_master_uri
 from services.option_names import given_as_options
+from services.simulator.localisation import Lost
 from services.simulator.topics import Stream
 
 
@@ -28,6 +29,14 @@ def _described(path: Path | None) -> Path | None:
     if path is not None and path.suffix not in (".yaml", ".yml"):
         raise ValueError("the name of a floor plan must end in .yaml")
     return path
+
+
+def _lost(text: str) -> str:
+    Lost.parse(text)
+    return text
+
+
+LostText = Annotated[str, AfterValidator(_lost)]
 
 
 class SimulatorSettings(BaseModel):
@@ -67,6 +76,38 @@ class SimulatorSettings(BaseModel):
     warehouses: Annotated[
         int, Field(ge=1, le=100, description="number of warehouses; with more robots, some share one")
     ] = 3
+    changes_per_minute: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=20,
+            description="changes of each warehouse per minute, at most: forklifts drive, pallets and boxes are"
+            " taken away, brought and moved",
+        ),
+    ] = 0.0
+    drift_m: Annotated[
+        float,
+        Field(
+            ge=0, le=10, description="how far robots' localisation is off, 1 standard deviation in metres of x and y"
+        ),
+    ] = 0.0
+    drift_deg: Annotated[
+        float, Field(ge=0, le=90, description="how far their headings are off, 1 standard deviation in degrees")
+    ] = 0.0
+    drift_s: Annotated[
+        float,
+        Field(ge=1, le=86_400, description="time constant of both: in which errors become other ones, in seconds"),
+    ] = 30.0
+    lost: Annotated[
+        list[LostText],
+        Field(
+            max_length=1_000,
+            description="robots that are lost, and when, in seconds since the start, such as r1=60-80,r2=90-95",
+        ),
+    ] = []
+    lost_m: Annotated[
+        float, Field(gt=0, le=1_000, description="how far away a lost robot takes itself to be, in metres")
+    ] = 3.0
     prerender: Annotated[
         bool, Field(description="render everything before the start instead of on first subscription")
     ] = False
@@ -117,3 +158,23 @@ class SimulatorSettings(BaseModel):
         if self.bag is not None and self.summary and "summary" in options:
             raise ValueError("--summary counts what is published live: leave it out with --bag")
         return self
+
+    @model_validator(mode="after")
+    def _what_changes_is_not_rendered_before(self) -> Self:
+        if self.prerender and self.changes_per_minute:
+            raise ValueError("--prerender renders a world that stands still: leave it out with --changes-per-minute")
+        return self
+
+    @model_validator(mode="after")
+    def _lost_robots_are_there(self) -> Self:
+        names = {f"r{number + 1}" for number in range(self.robots)}
+        if strange := [each.robot for each in self.times_lost if each.robot not in names]:
+            raise ValueError(
+                f"--lost: there is no robot {strange[0]}; with --robots {self.robots} the last is r{self.robots}"
+            )
+        return self
+
+    @property
+    def times_lost(self) -> list[Lost]:
+        """When which robot is lost."""
+        return [Lost.parse(each, self.lost_m) for each in self.lost]

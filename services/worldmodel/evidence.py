@@ -27,10 +27,26 @@ INSIDE: Final = 0.6
 PAST: Final = 0.75
 """Share of the points in view that must be looked past."""
 
-PROBES: Final = 6
+TELLING: Final = 1.2
+"""By so many margins what an object stands on must be behind a probed point for the point to tell anything."""
+
+FEWEST: Final = 2
+"""Probed points, at least, that must tell that a view looks past an object."""
+
+LEVEL_M: Final = 0.05
+"""Above a point by less than this, a camera sees past it as far as it can."""
+
 ASIDE: Final = 0.6
-LEVELS: Final = (0.35, 0.75)
-"""Where on its near side an object is probed: in the middle and so far aside, at these shares of its height."""
+LEVELS: Final = (0.35, 0.75, 0.95)
+"""Where on its near side an object is probed: in the middle and so far aside, at these shares of its height.
+
+What is behind the upper edge of low things is the farthest, so that level tells the most of them. As it may miss an
+object, an object is in plain view where the levels below it are.
+"""
+
+PROBES: Final = 3 * len(LEVELS)
+PLAIN: Final = PROBES - 3
+"""Those below the upper edge."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,10 +84,12 @@ def look(frames: Frames, camera: Floats, rotation: Floats, objects: Objects, ind
     near_m, far_m = frames.near_mm.take(cell) / 1000.0, frames.far_mm.take(cell) / 1000.0
     margin = MARGIN_M + MARGIN_SIGMAS * NOISE_PER_M2 * depth * depth
     plain = inside & (near_m > 0) & (far_m >= depth - margin)
-    past = plain & (near_m > depth + margin)
-    count, distance = plain.sum(axis=1), depth.mean(axis=1)
-    kept = np.flatnonzero((count >= INSIDE * PROBES) & (distance < FARTHEST_M) & (distance > NEAREST_M))
-    return Looks(frame[kept], near[kept], past.sum(axis=1)[kept] >= PAST * count[kept], distance[kept])
+    telling = plain & (_behind(objects, near, camera[frame], depth) > depth + TELLING * margin)
+    past = telling & (near_m > depth + margin)
+    count, distance = plain[:, :PLAIN].sum(axis=1), depth.mean(axis=1)
+    kept = np.flatnonzero((count >= INSIDE * PLAIN) & (distance < FARTHEST_M) & (distance > NEAREST_M))
+    least = np.maximum(PAST * telling.sum(axis=1)[kept], FEWEST)
+    return Looks(frame[kept], near[kept], past.sum(axis=1)[kept] >= least, distance[kept])
 
 
 def _ahead(frames: Frames, camera: Floats, rotation: Floats, objects: Objects, index: Index) -> tuple[Rows, Rows]:
@@ -88,16 +106,28 @@ def _ahead(frames: Frames, camera: Floats, rotation: Floats, objects: Objects, i
     return frame[kept], rows[kept]
 
 
+def _levels(objects: Objects, near: Rows) -> Floats:
+    """Return the heights at which objects are probed, (n, LEVELS)."""
+    low, tall = objects.low[near], objects.high[near] - objects.low[near]
+    return np.stack([low + share * tall for share in LEVELS], axis=1)
+
+
+def _behind(objects: Objects, near: Rows, camera: Floats, depth: Floats) -> Floats:
+    """Return how far one sees at least past probes (n, PROBES): to what an object stands on, if nothing is nearer."""
+    above = camera[:, 2:] - np.repeat(_levels(objects, near), PROBES // len(LEVELS), axis=1)
+    down = camera[:, 2:] - objects.low[near][:, np.newaxis]
+    return np.where(above > LEVEL_M, depth * down / np.maximum(above, LEVEL_M), np.inf)
+
+
 def _probes(objects: Objects, near: Rows, camera: Floats, rotation: Floats) -> Floats:
     """Return PROBES points on each object's near side in the optical frame (n, PROBES, 3)."""
     centre, half = objects.centre[near], objects.size[near].min(axis=1) / 2
     away = centre - camera[:, :2]
     along = away / np.maximum(np.hypot(*away.T), 1e-6)[:, np.newaxis]
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    low, tall = objects.low[near], objects.high[near] - objects.low[near]
     front = centre - along * half[:, np.newaxis]
     aside = np.stack([0 * half, ASIDE * half, -ASIDE * half], axis=1)
     points = np.empty((len(near), len(LEVELS), 3, 3))
     points[..., :2] = (front[:, np.newaxis] + across[:, np.newaxis] * aside[..., np.newaxis])[:, np.newaxis]
-    points[..., 2] = np.stack([low + share * tall for share in LEVELS], axis=1)[:, :, np.newaxis]
+    points[..., 2] = _levels(objects, near)[:, :, np.newaxis]
     return np.asarray((points.reshape(len(near), PROBES, 3) - camera[:, np.newaxis]) @ rotation)

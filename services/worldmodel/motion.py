@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.distances import REACHES
-from services.worldmodel.association import Assignment
+from services.worldmodel.association import Assignment, displaced
 from services.worldmodel.classes import Classes
 from services.worldmodel.evidence import Looks
 from services.worldmodel.fusion import hints
@@ -35,8 +35,15 @@ LEVEL_M: Final = 0.25
 VARIANCE_M2: Final = 0.09
 """Of edges of what has just moved: the next sightings settle them anew."""
 
+CLEAR_M: Final = 6.0
+"""What is farther away is seen too coarsely to tell a motion by."""
+
 WHOLE: Final = 0.2
 """Share by which the width of what has moved may differ from what it was."""
+
+RIGID_M: Final = 0.06
+RIGID: Final = 0.25
+"""By so much, or this share of the motion, edges of what has moved may be off from where it took them."""
 
 SMOOTHING: Final = 0.5
 
@@ -81,8 +88,10 @@ def moves(
     looked = looks.frame * objects.capacity + looks.rows
     left, there = np.isin(key, looked[looks.past]), np.isin(key, looked[~looks.past])
     level = np.maximum(np.abs(seen.low[row] - objects.low[of]), np.abs(seen.high[row] - objects.high[of])) < LEVEL_M
-    by_itself = classes.moves[objects.cls[of]] & ~there & _is_whole(seen, objects, row, of)
-    good = np.flatnonzero((by_itself | (left & level)) & (apart < SLACK_M + FASTEST_M_S * passed))
+    mobile = classes.moves[objects.cls[of]]
+    by_itself = mobile & ~there & _is_whole(seen, objects, row, of) & _is_rigid(seen, objects, row, of, by)
+    carried = ~mobile & left & level
+    good = np.flatnonzero((by_itself | carried) & (apart < SLACK_M + FASTEST_M_S * passed))
     order = good[np.argsort(apart[good], kind="stable")]
     chosen: list[int] = []
     taken: set[int] = set()
@@ -101,20 +110,35 @@ def drifts(seen: Sightings, objects: Objects, classes: Classes, found: Assignmen
     far = np.hypot(*found.moved.T) > DRIFT_M
     kept = np.flatnonzero(far & classes.moves[objects.cls[found.of]])
     kept = kept[_is_whole(seen, objects, found.seen[kept], found.of[kept])]
+    kept = kept[_is_rigid(seen, objects, found.seen[kept], found.of[kept], found.moved[kept])]
     _, once = np.unique(found.of[kept], return_index=True)
     kept = kept[once]
     return Moves(found.seen[kept], found.of[kept], found.moved[kept])
 
 
 def _is_whole(seen: Sightings, objects: Objects, row: Rows, of: Rows) -> NDArray[np.bool_]:
-    """Return which sightings show an end of an object, and as much beside it as there is of the object."""
+    """Return which sightings show both ends of an object, and as much between them as there is of the object."""
     across = np.stack([-seen.away[row, 1], seen.away[row, 0]], axis=1)
     left = (across @ UNITS.T).argmax(axis=1)
     right = (left + HALF) % REACHES
     width = seen.edges[row, left] + seen.edges[row, right]
     usual = objects.outline[of, left] + objects.outline[of, right]
-    ends = np.isfinite(seen.noise[row, left]) | np.isfinite(seen.noise[row, right])
-    return np.asarray(ends & (np.abs(width - usual) < WHOLE * usual))
+    measured = np.isfinite(seen.noise[row])
+    near = measured | np.roll(measured, 1, axis=1) | np.roll(measured, -1, axis=1)  # directions are 30 degrees apart
+    each = np.arange(len(row))
+    ends = near[each, left] & near[each, right]
+    return np.asarray(ends & (np.abs(width - usual) < WHOLE * usual) & (seen.depth[row] < CLEAR_M))
+
+
+def _is_rigid(seen: Sightings, objects: Objects, row: Rows, of: Rows, by: Floats) -> NDArray[np.bool_]:
+    """Return of which sightings all edges that were known are off by one motion, about `by` (n, 2): parts are not."""
+    about = by
+    by, _ = displaced(seen.edges[row], seen.noise[row], objects.edges[of], objects.variance[of])
+    known = np.isfinite(seen.noise[row]) & np.isfinite(objects.variance[of])
+    apart = np.where(known, seen.edges[row] - objects.edges[of] - by @ UNITS.T, 0.0)
+    rest = np.sqrt(np.square(apart).sum(axis=1) / np.maximum(known.sum(axis=1), 1))
+    far = np.hypot(*by.T)
+    return np.asarray((rest < np.maximum(RIGID_M, RIGID * far)) & (np.hypot(*(by - about).T) < SLACK_M + RIGID * far))
 
 
 def move(objects: Objects, moved: Moves, passed: Floats) -> None:

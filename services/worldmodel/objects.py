@@ -22,7 +22,7 @@ _SHAPES: Final[dict[str, tuple[int, ...]]] = {
     "outline": (REACHES,),
     "anchor": (REACHES,),
     "anchor_variance": (REACHES,),
-    "told_outline": (REACHES,),
+    "told_edges": (REACHES,),
     "centre": (2,),
     "hint": (2,),
     "size": (2,),
@@ -32,7 +32,9 @@ _SHAPES: Final[dict[str, tuple[int, ...]]] = {
     "seers": (SEERS,),
     "seers_ns": (SEERS,),
 }
-_UNKNOWN: Final = {"variance": np.inf, "anchor_variance": np.inf, "number": -1, "anchor_robot": -1, "seers": -1}
+_UNKNOWN: Final = {"variance": np.inf, "anchor_variance": np.inf, "told_edges": np.nan} | dict.fromkeys(
+    ("number", "anchor_robot", "seers"), -1
+)
 _WHOLE: Final = frozenset(
     {"number", "cls", "hits", "fits", "first_ns", "last_ns", "looked_ns", "told_ns", "series_ns", "anchor_robot"}
     | {"seers", "seers_ns"}
@@ -54,7 +56,8 @@ class Objects:
     logit: log-odds that it is there. confirmed: known to others. hits: sightings. looks: views that should have shown
     it. fits: sightings since the box was fitted. first_ns, last_ns, looked_ns: when it was seen first and last, and
     looked for in vain. seers, seers_ns: numbers of the cameras that saw it last, and when.
-    told, told_outline, told_ns: the centre (x, y, z) and outline that others know, and since when.
+    told, told_edges, told_ns: the centre (x, y, z) and measured edges as others know them, NaN for those that were not
+    measured, and since when.
     """
 
     number: Whole
@@ -88,7 +91,7 @@ class Objects:
     seers: Whole
     seers_ns: Whole
     told: Floats
-    told_outline: Floats
+    told_edges: Floats
     told_ns: Whole
 
     @classmethod
@@ -116,6 +119,10 @@ class Objects:
     def known(self) -> Rows:
         """Return the rows that are in use."""
         return np.flatnonzero(self.number >= 0)
+
+    def measured(self, rows: Rows | list[int]) -> Floats:
+        """Return the edges of rows that were measured, NaN for others (n, REACHES)."""
+        return np.where(np.isfinite(self.variance[rows]), self.edges[rows], np.nan)
 
     def told_to_others(self) -> Rows:
         """Return the rows of confirmed objects."""

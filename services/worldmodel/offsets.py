@@ -40,8 +40,13 @@ JUMP_M_S: Final = 4.0
 """Robots do not drive faster: a pose that does has jumped."""
 
 JUMP_M: Final = 0.5
-DOUBT_VIEWS: Final = 4
+DOUBT_VIEWS: Final = 3
+"""Fewer than the looks past a well known object that let it be gone: a lost robot is doubted before."""
+
 TRUST_VIEWS: Final = 3
+ALONE_VIEWS: Final = 30
+"""Views that must fit until a robot is trusted again; after a jump to where nothing is known, so many."""
+
 FEWEST: Final = 3
 """Objects expected in view, at least, for a view to tell whether its pose is right."""
 
@@ -134,11 +139,13 @@ class Offsets:
     def judge(self, robots: Rows, expected: NDArray[np.int64], found: NDArray[np.int64]) -> None:
         """Doubt poses when views keep missing what is known, or find it elsewhere; trust them again when they fit."""
         telling = expected >= FEWEST
-        fits = np.where(telling, found >= FOUND * expected, (self.doubted[robots] == JUMPED) & (expected == 0))
+        fits = telling & (found >= FOUND * expected)
         wrong = telling & ~fits
-        self._right[robots] = np.where(fits, self._right[robots] + 1, np.where(wrong, 0, self._right[robots]))
-        self._wrong[robots] = np.where(wrong, self._wrong[robots] + 1, np.where(fits, 0, self._wrong[robots]))
-        self.doubted[robots[self._right[robots] >= TRUST_VIEWS]] = RIGHT
+        alone = (self.doubted[robots] == JUMPED) & (expected == 0)
+        gained = np.where(fits, ALONE_VIEWS, np.where(alone, TRUST_VIEWS, 0))
+        self._right[robots] = np.where(wrong, 0, self._right[robots] + gained)
+        self._wrong[robots] = np.where(wrong, self._wrong[robots] + 1, np.where(fits | alone, 0, self._wrong[robots]))
+        self.doubted[robots[self._right[robots] >= TRUST_VIEWS * ALONE_VIEWS]] = RIGHT
         self._forget(robots[(self._wrong[robots] >= DOUBT_VIEWS) & (self.doubted[robots] == RIGHT)], LOST)
 
     def forget(self, robots: Rows, cameras: Rows) -> None:

@@ -40,7 +40,7 @@ class Rules:
     fewest_hits: int = 3
     gone: float = -1.5
     miss: float = 1.2
-    past: float = 1.6
+    past: float = 2.0
     most: float = 4.0
     moved_m: float = 0.4
     fit_every: int = 4
@@ -57,6 +57,9 @@ YOUNG: Final = 8
 
 SETTLING: Final = 20
 """Sightings that settle where something is that does not move by itself."""
+
+MOVING_M_S: Final = 0.2
+"""What is seen moving faster than this is where it is seen, whatever edges of it are known."""
 
 SELDOM: Final = 0.35
 """What is seen less often than this share of the times that it should be, is nothing."""
@@ -162,19 +165,31 @@ class Population:
         rows, frame_of = rows[there], frame_of[there]
         ready = ~objects.confirmed[rows] & (objects.logit[rows] >= rules.confirm)
         ready &= objects.hits[rows] >= rules.fewest_hits
-        far = objects.confirmed[rows] & (shifted(objects.outline[rows], objects.told_outline[rows]) > rules.moved_m)
-        far &= self._is_settled(rows)
+        far = objects.confirmed[rows] & self._is_elsewhere(rows) & self._is_settled(rows)
         for row, each, new in zip(
             rows[ready | far].tolist(), frame_of[ready | far].tolist(), ready[ready | far].tolist(), strict=True
         ):
             self._tell(ChangeKind.APPEARED if new else ChangeKind.MOVED, row, frames, each)
+
+    def _is_elsewhere(self, rows: Rows) -> NDArray[np.bool_]:
+        """Return which objects are farther than `moved_m` from where they were told to be.
+
+        Of what does not move by itself its edges say so, too; of trucks, which are seen in parts, they do not.
+        """
+        objects, rules = self.objects, self._rules
+        moves = np.hypot(*objects.velocity[rows].T) > MOVING_M_S
+        away = np.hypot(*(objects.centre[rows] - objects.told[rows, :2]).T)
+        far = shifted(objects.edges[rows], objects.told_edges[rows]) > rules.moved_m
+        return np.asarray((far & ~self._classes.moves[objects.cls[rows]]) | (moves & (away > rules.moved_m)))
 
     def _is_settled(self, rows: Rows) -> NDArray[np.bool_]:
         """Return which objects can have moved; of what was seen a few times, only the estimate is better by now."""
         objects = self.objects
         settled = (objects.hits[rows] > SETTLING) | self._classes.moves[objects.cls[rows]]
         young = rows[~settled]
-        objects.told_outline[young] = objects.outline[young]
+        objects.told_edges[young] = objects.measured(young)
+        found_now = np.isnan(objects.told_edges[rows])
+        objects.told_edges[rows] = np.where(found_now, objects.measured(rows), objects.told_edges[rows])
         return np.asarray(settled)
 
     def _tell(self, kind: ChangeKind, row: int, frames: Frames, frame: int, into: int | None = None) -> None:
@@ -187,7 +202,7 @@ class Population:
             number = self._gone.take(int(objects.cls[row]), at, at_ns)
             if number is not None:
                 kind, objects.number[row] = ChangeKind.BACK, number
-        objects.told[row], objects.told_outline[row], objects.told_ns[row] = at, objects.outline[row], at_ns
+        objects.told[row], objects.told_edges[row], objects.told_ns[row] = at, objects.measured([row])[0], at_ns
         robot = int(frames.robots[frame])
         number = int(objects.number[row])
         self.events.append(Event(kind, row, number, at_ns, robot, before, into))

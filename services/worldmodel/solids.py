@@ -56,12 +56,15 @@ def covers_several(seen: Sightings, objects: Objects, row: Rows, of: Rows, to_ri
     return np.asarray(np.bincount(row[within], minlength=len(seen)) > 1)
 
 
-def shifted(outline: Floats, before: Floats) -> Floats:
-    """Return how far outlines have moved at least, in metres: what may be growth at one side is no motion."""
-    grown = outline - before
+def shifted(edges: Floats, before: Floats) -> Floats:
+    """Return how far outlines have moved at least, in metres: what may be growth at one side is no motion.
+
+    before: NaN for edges that are not known now, or were not then; these tell nothing, nor do those opposite.
+    """
+    grown = edges - before
     opposite = np.roll(grown, HALF, axis=1)
     shift, growth = np.abs(grown - opposite) / 2, np.abs(grown + opposite) / 2
-    return np.asarray(np.where(shift > GROWTH * growth, shift, 0).max(axis=1))
+    return np.asarray(np.where(shift > GROWTH * growth, shift, 0.0).max(axis=1))
 
 
 OVERLAP: Final = 0.45

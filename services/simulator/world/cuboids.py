@@ -91,6 +91,11 @@ class Builder:
     _paints: list[Paint] = field(default_factory=list)
     _instances: list[int] = field(default_factory=list)
 
+    @property
+    def instances(self) -> int:
+        """The number of instances so far, the background included."""
+        return len(self.instance_classes)
+
     def object(self, frame: Frame, name: ClassName) -> "Solid":
         """Start a new instance of class `name` at `frame`."""
         self.instance_classes.append(CLASSES.index(name))

@@ -1,7 +1,7 @@
 """The floor's texture: paint, wear, light pools and the contact shadows of objects."""
 
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Self
 
 import cv2
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from services.simulator.world.cuboids import Cuboids, Floats
-from services.simulator.world.lighting import Lighting
+from services.simulator.world.surfaces import Lighting
 
 TEXELS_PER_METRE: Final = 40
 WHITE: Final = 160.0
@@ -18,11 +18,21 @@ SHADOWING_HEIGHT: Final = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Floor:
-    """`image` (rows, columns, 3) is the lit floor seen from above, `WHITE` standing for 1.0; x runs along columns."""
+    """`image` (rows, columns, 3) is the lit floor seen from above, `WHITE` standing for 1.0; x runs along columns.
+
+    `bare` is the same before anything stands on it, 1.0 for white. `darkness` and `blur` (pixels) are of the shadows.
+    """
 
     image: NDArray[np.uint8]
     half_x: float
     half_y: float
+    bare: Floats
+    darkness: float
+    blur: float
+
+    def under(self, cuboids: Cuboids) -> Self:
+        """The same floor with these things on it."""
+        return replace(self, image=_shaded(self.bare, cuboids, self.darkness, self.blur))
 
 
 def paint_floor(rng: Generator, cuboids: Cuboids, lighting: Lighting, half_x: float, half_y: float) -> Floor:
@@ -33,8 +43,13 @@ def paint_floor(rng: Generator, cuboids: Cuboids, lighting: Lighting, half_x: fl
     image *= _stains(rng, rows, columns)[..., None]
     _lines(rng, image)
     image *= _light(lighting, rows, columns, half_x, half_y)[..., None]
-    image *= (1 - float(rng.uniform(0.35, 0.65)) * _shadows(rng, cuboids, rows, columns))[..., None]
-    return Floor(np.clip(image * WHITE, 0, 255).astype(np.uint8), half_x, half_y)
+    darkness, blur = float(rng.uniform(0.35, 0.65)), float(rng.uniform(3, 8))
+    return Floor(_shaded(image, cuboids, darkness, blur), half_x, half_y, image, darkness, blur)
+
+
+def _shaded(bare: Floats, cuboids: Cuboids, darkness: float, blur: float) -> NDArray[np.uint8]:
+    image = bare * (1 - darkness * _shadows(cuboids, blur, *bare.shape[:2]))[..., None]
+    return np.clip(image * WHITE, 0, 255).astype(np.uint8)
 
 
 def _stains(rng: Generator, rows: int, columns: int) -> Floats:
@@ -73,11 +88,11 @@ def _light(lighting: Lighting, rows: int, columns: int, half_x: float, half_y: f
     return np.asarray(cv2.resize(light, (columns, rows), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def _shadows(rng: Generator, cuboids: Cuboids, rows: int, columns: int) -> Floats:
+def _shadows(cuboids: Cuboids, blur: float, rows: int, columns: int) -> Floats:
     mask = np.zeros((rows, columns), np.float32)
     corners = cuboids.corners()
     lowest, extent = corners[..., 2].min(axis=1), cuboids.half_extents[:, :2].max(axis=1)
     for index in np.flatnonzero((lowest < SHADOWING_HEIGHT) & (lowest > -0.01) & (extent < 4)):
         outline = corners[index, :, :2] * TEXELS_PER_METRE + (columns / 2, rows / 2)
         cv2.fillConvexPoly(mask, cv2.convexHull(outline.astype(np.int32)), 1.0)
-    return np.asarray(cv2.GaussianBlur(mask, (0, 0), float(rng.uniform(3, 8))), np.float32)
+    return np.asarray(cv2.GaussianBlur(mask, (0, 0), blur), np.float32)

@@ -1,19 +1,18 @@
 """Procedural warehouses: racks along the aisles, goods, trucks and clutter on the free floor."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from numpy.random import Generator
 
-from services.simulator.world.cuboids import Builder, Frame, Material, Paint
+from services.simulator.world.cuboids import CLASSES, Builder, Frame, Material, Paint
 from services.simulator.world.floor import paint_floor
 from services.simulator.world.forklifts import forklift
-from services.simulator.world.lighting import Lighting
 from services.simulator.world.props import BAY, Colour, box_pile, clutter, loaded_pallet, pallet_stack, rack, shade_of
-from services.simulator.world.scene import Scene
-from services.simulator.world.surfaces import surfaces_of
+from services.simulator.world.scene import Movable, Scene
+from services.simulator.world.surfaces import Lighting, surfaces_of
 from services.simulator.world.textures import atlas
 
 HEIGHT: Final = 6.0
@@ -42,12 +41,17 @@ def generate(seed: int) -> Scene:
         (box_pile, 3, 9, 0.5),
         (clutter, 1, 7, 0.5),
     )
+    movables = []
     for maker, least, most, radius in kinds:
         for _ in range(int(rng.integers(least, most))):
             frame = ground.place(radius)
             if frame is not None:
+                first = builder.instances
                 maker(builder, rng, frame)
-    return _finish(seed, rng, builder, half_x, half_y)
+                if builder.instances > first:
+                    name = CLASSES[builder.instance_classes[first]]
+                    movables.append(Movable(range(first, builder.instances), name, frame))
+    return replace(_finish(seed, rng, builder, half_x, half_y), movables=tuple(movables))
 
 
 def _finish(seed: int, rng: Generator, builder: Builder, half_x: float, half_y: float) -> Scene:

@@ -84,6 +84,25 @@ def box_of(parts: Cuboids) -> Box:
     return Box.around(parts.corners().reshape(-1, 3).astype(np.float64), _heading(parts))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PresentObject:
+    """An object of a scene, seen or not; `instance` and `box`, in the map, are as those of a `SeenObject`."""
+
+    instance: int
+    name: ClassName
+    box: Box
+
+
+def present_in(scene: Scene) -> tuple[PresentObject, ...]:
+    """Every object that is there, by instance."""
+    there = np.unique(scene.cuboids.instances).tolist()
+    return tuple(
+        PresentObject(instance, scene.class_name(instance), box_of(parts_of(scene, instance)))
+        for instance in there
+        if instance != BACKGROUND
+    )
+
+
 Mask = NDArray[np.bool_]
 
 

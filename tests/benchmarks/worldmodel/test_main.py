@@ -12,15 +12,31 @@ def test_one_object_on_standard_output_with_both_models_beside_each_other(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("benchmarks.worldmodel.__main__.HZ", 0.2)
-    options = ["--warehouses", "1", "--seconds", "60", "--load-seconds", "0", "--runtime", "torch"]
+    options = [
+        "--warehouses",
+        "1",
+        "--seconds",
+        "60",
+        "--changing-seconds",
+        "30",
+        "--load-seconds",
+        "0",
+        "--runtime",
+        "torch",
+    ]
     main(["--json", *options, "--work-dir", str(tmp_path)])
     found = json.loads(capfd.readouterr().out)
     assert found["warehouses"] == 1
     for figures in (found, found["exact_poses"], found["merging_0_6_m"]):
         assert 0 < figures["inventory_f1"] <= 1
         assert {"count_error", "duplicates", "position_error_p50_m", "id_purity"} <= figures.keys()
+    assert 0 < found["lost_robot"]["inventory_f1"] <= 1
+    assert found["false_gone"] >= 0
+    assert found["changes"] >= 0
     assert found["load"] == {}
-    assert {"inventory_f1", "id_purity", "forklifts_exact"} <= found["targets"].keys()
+    assert {"inventory_f1", "id_purity", "forklifts_exact", "noticed_p95_s", "false_gone", "moved_seen_kept_id"} <= set(
+        found["targets"]
+    )
     assert {"machine", "versions", "weights"} <= found.keys()
 
 

@@ -2,25 +2,9 @@ import numpy as np
 import pytest
 
 from benchmarks.worldmodel.recording import record
-from benchmarks.worldmodel.replay import EXACT, PoseError, disturbed, replay
+from benchmarks.worldmodel.replay import EXACT, replay
+from services.simulator.localisation import Drift, Localisation, Lost, disturbed
 from services.training.dataset import holdout_seed
-
-
-def test_errors_have_their_deviation_and_change_slowly() -> None:
-    drawn = PoseError(0.05, 1.0, 30.0).drawn(np.random.default_rng(0), 20_000, 0.5)
-    assert drawn.std(axis=0) == pytest.approx([0.05, 0.05, np.radians(1.0)], rel=0.15)
-    assert np.diff(drawn[:, 0]).std() < 0.05 / 4
-    later = drawn[:-240, 0] @ drawn[240:, 0] / len(drawn) / 0.05**2
-    assert abs(later) < 0.2, "after four times as long nothing is left of it"
-
-
-def test_a_pose_is_turned_where_it_is_and_then_moved() -> None:
-    pose = np.eye(4)
-    pose[:3, 3] = 3.0, 4.0, 1.0
-    made = disturbed(pose, np.array([0.1, -0.2, np.pi / 2]))
-    assert made[:3, 3] == pytest.approx([3.1, 3.8, 1.0])
-    assert made[:3, 0] == pytest.approx([0, 1, 0])
-    assert disturbed(pose, np.zeros(3)) == pytest.approx(pose)
 
 
 def test_each_robot_drives_its_round_again_and_again_in_turns() -> None:
@@ -34,3 +18,23 @@ def test_each_robot_drives_its_round_again_and_again_in_turns() -> None:
     for each in played:
         assert each.view.grid is not None
         assert each.view.position == pytest.approx(np.array(each.image.pose)[:3, 3])
+
+
+def test_poses_are_off_as_the_simulators_localisation_is() -> None:
+    nothing = [record(holdout_seed(1, 300_000), number, 0.1, lambda _: []) for number in range(2)]
+    drift, lost = Drift(0.05, 1.0), [Lost("r2", 20.0, 40.0)]
+    for number, played in enumerate(replay(nothing, 50.0, drift, 7, lost=lost)):
+        error = Localisation(drift, lost if number % 2 else (), (7, number % 2)).error(played.second)
+        assert np.hypot(*error[:2]) > 2.0 or played.second < 20 or played.second >= 40 or number % 2 == 0
+        assert played.view.position == pytest.approx(disturbed(np.array(played.image.pose), error)[:3, 3])
+
+
+def test_other_images_follow_and_a_replay_can_begin_late() -> None:
+    rounds = [record(holdout_seed(1, 300_000), number, 0.1, lambda _: []) for number in range(2)]
+    then = [rounds[0].images[3], rounds[1].images[2]]
+    whole = list(replay(rounds, 20.0, EXACT, 0, then=then))
+    assert [each.second for each in whole] == [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]
+    assert [each.image for each in whole[-2:]] == then
+    late = list(replay(rounds, 20.0, EXACT, 0, then=then, since_s=10.0))
+    assert [each.second for each in late] == [10.0, 15.0, 20.0, 25.0]
+    assert [each.view.position for each in late] == [each.view.position for each in whole[2:]]

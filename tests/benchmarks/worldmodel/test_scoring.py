@@ -2,10 +2,9 @@
 
 import pytest
 
-from benchmarks.worldmodel.recording import NOTHING, RecordedImage, TrueObject, VisibleObject
+from benchmarks.worldmodel.recording import LEAST_SHARE, NOTHING, RecordedImage, TrueObject, VisibleObject
 from benchmarks.worldmodel.scoring import (
     LEAST_IMAGES,
-    LEAST_SHARE,
     LEAST_VISIBILITY,
     FoundObject,
     IdentityScore,

@@ -1,5 +1,6 @@
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ from rosbags.rosbag1 import Reader
 
 from services.simulator.bags import START_NS, check_room, write_bags
 from services.simulator.errors import BagError
+from services.simulator.localisation import Drift, Localisation, Lost
 from services.simulator.robot import Robot
 from services.simulator.topics import Stream, topics
 from tests.services.simulator.small import film, robot
@@ -46,6 +48,19 @@ async def test_the_same_robots_write_the_same_bag(tmp_path: Path) -> None:
     for bag in bags:
         await written(bag, [robot()], 2)
     assert bags[0].read_bytes() == bags[1].read_bytes()
+
+
+async def test_localisation_errs_in_a_bag_as_it_does_so_long_after_the_start(tmp_path: Path) -> None:
+    error = Localisation(Drift(0.1), [Lost("r1", 0.4, 0.6)])
+    which = Robot("r1", "", film(), topics([Stream.COLOR], aligned=True), localisation=error)
+    found = await written(tmp_path / "out.bag", [which], 4)
+    said = [data for topic, _, data in found if topic == "/tf"]
+    for number, data in enumerate(said):
+        wanted = [topic for topic in which.topics if topic.name == "tf"]
+        stamp = START_NS + number * 250_000_000
+        ((_, expected),) = which.publish(number, wanted, partial(int, stamp), number / 4)
+        assert data == expected
+    assert len(said) == 4
 
 
 async def test_an_interrupted_bag_is_whole_as_far_as_it_goes(tmp_path: Path) -> None:

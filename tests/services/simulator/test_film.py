@@ -3,7 +3,7 @@ import pytest
 
 from services.simulator.film import Array, Equipment, Film, Part, Store, smeared
 from services.simulator.placement import COLOR_OPTICAL, of_pose, to_pose
-from services.simulator.world import Camera, Drive, Pose, Sensor, expose, generate, render
+from services.simulator.world import Camera, ChangingWorld, Drive, Pose, Sensor, expose, generate, render
 from tests.services.simulator.small import ALIGNED, COLOR, DEPTH, FRAMES, HZ, PLENTY, UNALIGNED, film
 
 EVERYTHING = frozenset(Part)
@@ -36,6 +36,23 @@ def test_what_is_not_kept_is_measured_again_and_is_the_same() -> None:
     for _ in range(2):
         found = forgetful.measure(1, EVERYTHING)
         assert all(found[part].tobytes() == film().measure(1, {part})[part].tobytes() for part in Part)
+
+
+def test_a_changing_world_is_measured_as_it_is_at_the_time() -> None:
+    world = ChangingWorld(generate(1), 20.0)
+    changing = Film(1, ALIGNED, FRAMES, HZ, Store(PLENTY), world=world)
+    before_s = world.changes(60.0)[0].begins_s - 0.01
+    assert all(
+        changing.measure(2, EVERYTHING, before_s)[part].tobytes() == film().measure(2, {part})[part].tobytes()
+        for part in Part
+    )
+    later = changing.measure(2, EVERYTHING, 300.0)
+    assert all(later[part].tobytes() != film().measure(2, {part})[part].tobytes() for part in Part)
+    seen = expose(
+        render(world.scene(300.0), pose_of(changing, 2), COLOR).color, Sensor(), np.random.default_rng((1, 2))
+    )
+    assert np.mean(np.abs(seen.astype(int) - later[Part.COLOR]) > 2) < 0.01
+    assert changing.store.size == 0, "no instant comes twice"
 
 
 def test_only_what_is_asked_for_is_measured() -> None:

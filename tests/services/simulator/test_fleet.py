@@ -1,4 +1,5 @@
 from services.simulator.fleet import robots
+from services.simulator.localisation import Drift, Localisation, Lost
 from services.simulator.settings import SimulatorSettings
 from services.simulator.topics import Stream
 
@@ -31,3 +32,19 @@ def test_depth_is_as_the_settings_say() -> None:
     assert "camera/depth/image_rect_raw" in {topic.name for topic in robot.topics}
     (aligned,) = robots(SMALL.model_copy(update={"robots": 1}), namespaced=False)
     assert aligned.film.equipment.depth_camera == aligned.film.equipment.color
+
+
+def test_each_robots_localisation_errs_on_its_own_where_that_is_asked_for() -> None:
+    assert [robot.localisation for robot in robots(SMALL, namespaced=False)] == [None] * 5
+    first, second, *_ = robots(SMALL.model_copy(update={"drift_m": 0.05, "drift_s": 20.0}), namespaced=False)
+    assert first.localisation is not None
+    assert second.localisation is not None
+    assert first.localisation.error(3.0) == Localisation(Drift(0.05, 0.0, 20.0), (), (10, 0)).error(3.0)
+    assert second.localisation.error(3.0) != first.localisation.error(3.0)
+    lost = SMALL.model_copy(update={"lost": ["r2=5-6", "r2=8-9"], "lost_m": 2.0})
+    first, second, *_ = robots(lost, namespaced=False)
+    assert first.localisation is None
+    assert second.localisation is not None
+    times = [Lost("r2", 5.0, 6.0, 2.0), Lost("r2", 8.0, 9.0, 2.0)]
+    for second_s in (5.5, 7.0, 8.5):
+        assert second.localisation.error(second_s) == Localisation(Drift(), times, (10, 1)).error(second_s)

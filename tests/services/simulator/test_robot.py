@@ -9,6 +9,7 @@ from gateway.ros1.image import decode_image
 from gateway.ros1.messages import deserialise
 from gateway.ros1.point_cloud import decode_point_cloud
 from services.simulator.film import Equipment, Film, Part, Store
+from services.simulator.localisation import Drift, Localisation, Lost, disturbed
 from services.simulator.placement import COLOR_OPTICAL, DEPTH_OPTICAL, at, of_pose
 from services.simulator.robot import Robot
 from services.simulator.topics import COLOR_TOPICS, Content
@@ -91,6 +92,22 @@ def test_transforms_put_the_camera_where_the_picture_was_taken(number: int) -> N
     for parent, child in pairwise(frames):
         found = found @ chain[parent, child]
     assert np.allclose(found, of_pose(Drive.plan(generate(1)).pose(number / FRAMES)), atol=1e-6)
+
+
+def test_localisation_errs_between_the_map_and_odometry_and_nowhere_else() -> None:
+    error = Localisation(Drift(0.5, 10.0), [Lost("r1", 60.0, 80.0)])
+    exact, off = robot(), Robot("r1", "", film(), robot().topics, localisation=error)
+    true = placements(decoded(exact)[Content.TF])
+    for second in (0.0, 61.0, 90.0):
+        messages = {topic.content: data for topic, data in off.publish(1, off.topics, lambda: STAMP, second)}
+        said = placements(deserialise("tf2_msgs/TFMessage", messages[Content.TF]))
+        place = true["map", "odom"] @ true["odom", "base_link"]
+        assert np.allclose(
+            said["map", "odom"] @ said["odom", "base_link"], disturbed(place, error.error(second)), atol=1e-6
+        )
+        assert np.allclose(said["odom", "base_link"], true["odom", "base_link"])
+        same = published(exact)
+        assert {content for content, data in messages.items() if data != same[content]} == {Content.TF}
 
 
 def test_each_frame_has_one_parent() -> None:

@@ -1,6 +1,7 @@
 import pytest
 from pydantic import ValidationError
 
+from services.simulator.localisation import Lost
 from services.simulator.settings import SimulatorSettings
 from services.simulator.topics import Stream
 
@@ -40,6 +41,13 @@ def test_ros_own_variable_names_a_real_master(monkeypatch: pytest.MonkeyPatch) -
         ("height", 1),
         ("seed", -1),
         ("floor_plan", "map.pgm"),
+        ("drift_m", -0.1),
+        ("drift_deg", float("nan")),
+        ("drift_s", 0),
+        ("lost", ["r1=80-60"]),
+        ("lost_m", 0),
+        ("changes_per_minute", -1),
+        ("changes_per_minute", 1_000),
     ],
 )
 def test_what_is_wrong_is_named(field: str, value: object) -> None:
@@ -51,3 +59,15 @@ def test_what_is_wrong_is_named(field: str, value: object) -> None:
 def test_a_robot_has_all_its_sensors_unless_told_otherwise() -> None:
     assert SimulatorSettings().streams == ["color", "depth", "points", "lidar"]
     assert SimulatorSettings.model_validate({"streams": ["depth"]}).streams == [Stream.DEPTH]
+
+
+def test_a_world_that_changes_cannot_be_rendered_before() -> None:
+    with pytest.raises(ValidationError, match=r"leave it out with --changes-per-minute"):
+        SimulatorSettings(prerender=True, changes_per_minute=3)
+
+
+def test_only_robots_that_are_there_can_be_lost() -> None:
+    found = SimulatorSettings(robots=2, lost=["r2=60-80", "r1=5-6"], lost_m=2.0).times_lost
+    assert found == [Lost("r2", 60.0, 80.0, 2.0), Lost("r1", 5.0, 6.0, 2.0)]
+    with pytest.raises(ValidationError, match=r"--lost: there is no robot r3; with --robots 2 the last is r2"):
+        SimulatorSettings(robots=2, lost=["r3=60-80"])

@@ -87,6 +87,14 @@ def test_what_somebody_looks_past_is_gone_but_not_after_one_look() -> None:
     assert known(model) == []
 
 
+def test_a_pallet_is_low_and_yet_is_noticed_to_be_gone() -> None:
+    pallet = Thing(3.5, 0.0, (1.2, 0.8, 0.144), name="pallet")
+    model = SiteModel()
+    watch(model, [pallet], [Camera()], 1.0, 10)
+    assert len(known(model)) == 1
+    assert watch(model, [], [Camera()], 6.5, 4) == ["gone"]
+
+
 def test_what_is_back_has_its_old_id_and_what_comes_elsewhere_a_new_one() -> None:
     model = SiteModel()
     watch(model, [BOX], [Camera()], 1.0, 8)

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from schemas.distances import REACHES
 from services.worldmodel.classes import MAX_CLASSES, Classes
 from services.worldmodel.events import BACK_NS, Gone
 from services.worldmodel.fusion import fitted
 from services.worldmodel.objects import CELL_M, Index, Objects
-from services.worldmodel.offsets import Localisation, Offsets
+from services.worldmodel.offsets import ALONE_VIEWS, JUMPED, RIGHT, TRUST_VIEWS, Localisation, Offsets
 from services.worldmodel.placement import UNITS
 from services.worldmodel.solids import overlap, shifted
 
@@ -105,6 +106,14 @@ def test_growth_at_one_side_is_no_motion() -> None:
     assert shifted(moved, before)[0] == pytest.approx(0.6, abs=0.01)
 
 
+def test_edges_that_were_not_measured_before_tell_no_motion() -> None:
+    guessed = edges_of(0.0, 0.0, 0.4, 0.4, 0.0)[np.newaxis]
+    moved = edges_of(0.6, 0.0, 0.4, 0.4, 0.0)[np.newaxis]
+    known = np.where(np.arange(REACHES) < REACHES // 2, guessed, np.nan)
+    assert shifted(moved, known)[0] == 0
+    assert shifted(moved, guessed)[0] > 0.5
+
+
 def test_an_offset_is_learned_and_forgotten_again() -> None:
     offsets = Offsets(Localisation(0.07, 0.02, 30.0))
     offsets.reserve(1)
@@ -118,6 +127,20 @@ def test_an_offset_is_learned_and_forgotten_again() -> None:
     assert offsets.state[0] == pytest.approx([-0.08, 0.05, 0.0], abs=0.02)
     offsets.predict(one, one, np.array([300_000_000_000]), np.zeros((1, 3)))
     assert offsets.state[0] == pytest.approx([0.0, 0.0, 0.0], abs=0.001)
+
+
+def test_a_robot_that_has_jumped_is_trusted_when_it_fits_and_late_where_nothing_is_known() -> None:
+    for expected, found, views in ((5, 4, TRUST_VIEWS), (0, 0, ALONE_VIEWS)):
+        offsets, one = Offsets(Localisation()), np.zeros(1, np.intp)
+        offsets.reserve(1)
+        for at_s, x in ((1, 0.0), (2, 30.0)):
+            offsets.predict(one, one, np.array([at_s * 1_000_000_000]), np.array([[x, 0.0, 0.0]]))
+        assert offsets.doubted[0] == JUMPED
+        for _ in range(views - 1):
+            offsets.judge(one, np.array([expected]), np.array([found]))
+        assert offsets.doubted[0] == JUMPED
+        offsets.judge(one, np.array([expected]), np.array([found]))
+        assert offsets.doubted[0] == RIGHT
 
 
 def test_who_is_back_is_known_for_a_while_and_near_its_place() -> None:
