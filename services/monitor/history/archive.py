@@ -15,6 +15,7 @@ from sqlalchemy import (
     cast,
     false,
     func,
+    inspect,
     or_,
     select,
     text,
@@ -30,7 +31,8 @@ from services.monitor.history.opening import connect
 from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import Act, HistoryError
-from services.monitor.history.tables import UNRESOLVED, acts, alerts, heartbeat, intervals, lasted
+from services.monitor.history.tables import UNRESOLVED, acts, alerts, heartbeat, intervals, lasted, object_events
+from services.monitor.history.world_history import ObjectEvent
 from services.monitor.inventory.sighting import NS
 
 ANY_LETTER: Final = "und-x-icu"
@@ -118,6 +120,33 @@ class HistoryQuery:
         return NOWHERE in self.robot + self.camera + self.name
 
 
+EventCursor = tuple[int, str, str, str]
+"""until_ns, site, object and kind of an event: where a page ended."""
+
+StockCursor = tuple[int, str, str, str]
+"""since_ns, site, zone and class of a stock level: where a page ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorldQuery:
+    """A query about sites between two times (epoch nanoseconds), of one site, object, class or zone if named.
+
+    zone: None for every zone and whole sites, SITE for whole sites alone.
+    """
+
+    since_ns: int = 0
+    until_ns: int = 2**63 - 1
+    site: str = ""
+    object: str = ""
+    name: str = ""
+    zone: str | None = None
+
+    @property
+    def is_nowhere(self) -> bool:
+        """Whether it is about names that no database can have."""
+        return NOWHERE in self.site + self.object + self.name + (self.zone or "")
+
+
 class Archive:
     """Reads the database of the history. Every method raises HistoryError if it is absent or cannot be read."""
 
@@ -178,6 +207,17 @@ class Archive:
         rows = await self._read(_page(query, (alerts.c.changed_ns, alerts.c.id), limit, after))
         return [alert_of_row(row) for row in rows]
 
+    async def object_events(self, asked: WorldQuery, limit: int, after: EventCursor | None = None) -> list[ObjectEvent]:
+        """Return what became of objects, the newest first; after the place where another page ended."""
+        if asked.is_nowhere:
+            return []
+        of = object_events.c
+        given = {of.site: asked.site, of.object: asked.object, of.name: asked.name}
+        where = [column == value for column, value in given.items() if value]
+        query = object_events.select().where(*where, of.until_ns >= asked.since_ns, of.since_ns <= asked.until_ns)
+        query = _page(query, (of.until_ns, of.site, of.object, of.kind), limit, after)
+        return [lasting_of_row(ObjectEvent, row) for row in await self._read_later(query)]
+
     async def acts(self, alert_ids: Sequence[str]) -> list[Act]:
         """Return the operators' actions on some alerts, in order."""
         query = acts.select().where(acts.c.alert_id.in_(alert_ids[:MAX_ROWS])).order_by(acts.c.at_ns).limit(MAX_ROWS)
@@ -186,6 +226,15 @@ class Archive:
 
     async def _read(self, query: Select[Any]) -> Sequence[Any]:
         async with self._connected() as connection:
+            rows: Sequence[Any] = (await connection.execute(query)).all()
+        return rows
+
+    async def _read_later(self, query: Select[Any]) -> Sequence[Any]:
+        """Read a table that is not there where a monitor without it made the database, and no other has run since."""
+        async with self._connected() as connection:
+            (table,) = {each.name for each in query.get_final_froms() if isinstance(each, Table)}
+            if not await connection.run_sync(lambda of: inspect(of).has_table(table)):
+                return []
             rows: Sequence[Any] = (await connection.execute(query)).all()
         return rows
 

@@ -19,16 +19,19 @@ from services.monitor.history.tables import (
     clock_doubt,
     forgotten,
     metadata,
+    object_events,
     open_alerts,
     open_intervals,
     schema_version,
+    stock,
     webhook_backlog,
 )
 
 OURS: Final = f"this one's are version {SCHEMA_VERSION}"
 
 LATER: Final = frozenset(
-    table.name for table in (schema_version, forgotten, clock_doubt, clock_correction, webhook_backlog)
+    table.name
+    for table in (schema_version, forgotten, clock_doubt, clock_correction, webhook_backlog, stock, object_events)
 )
 """Tables that came later, which who reads does without."""
 

@@ -22,8 +22,10 @@ from services.monitor.history.tables import (
     heartbeat,
     intervals,
     metadata,
+    object_events,
     poses,
     presence,
+    stock,
     webhook_backlog,
 )
 
@@ -156,6 +158,8 @@ LATEST: Final = {
     intervals: "until_ns",
     presence: "until_ns",
     disagreements: "until_ns",
+    stock: "until_ns",
+    object_events: "until_ns",
     alerts: "changed_ns",
     acts: "at_ns",
     poses: "at_ns",

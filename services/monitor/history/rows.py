@@ -16,7 +16,8 @@ from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.presence import Presence
 from services.monitor.history.state import Act
-from services.monitor.history.tables import disagreements, intervals, presence
+from services.monitor.history.tables import disagreements, intervals, object_events, presence, stock
+from services.monitor.history.world_history import ObjectEvent, StockLevel
 from services.monitor.map.pose import Pose
 
 L = TypeVar("L", bound=StoredInterval)
@@ -25,6 +26,8 @@ TABLES: Final[Mapping[type[StoredInterval], Table]] = {
     Interval: intervals,
     Presence: presence,
     Disagreement: disagreements,
+    StockLevel: stock,
+    ObjectEvent: object_events,
 }
 """Where each kind of intervals is kept; its columns are their fields, and those of a key."""
 
@@ -46,7 +49,9 @@ def lasting_of_row(kind: type[L], row: Row[Any], heartbeat_ns: int = 0) -> L:
     columns = _columns(row)
     if columns["open"]:
         columns["until_ns"] = max(columns["until_ns"], heartbeat_ns)
-    if kind is Presence:
+    if kind in (StockLevel, ObjectEvent):
+        check_name("site", columns["site"])
+    elif kind is Presence:
         for role in ("robot", "camera"):
             if columns[role]:
                 check_name(role, columns[role])
@@ -121,7 +126,7 @@ FOREVER_NS: Final = 2**63 - 1
 
 
 def places_of(table: Table) -> CTE:
-    """Return the places of a table, without those that name no robot, and one row of nulls.
+    """Return the places of a table, without those whose first name is empty, and one row of nulls.
 
     A place is all of the primary key but since_ns, its end. From each to the next it takes a step in the key's index.
     """
@@ -135,7 +140,7 @@ def places_of(table: Table) -> CTE:
         found = select(later.c[name]).where(tuple_(*order) > tuple_(*last))
         return found.order_by(*order).limit(1).scalar_subquery()
 
-    return at.union_all(select(*map(of_next, names)).where(at.c.robot.is_not(None)))
+    return at.union_all(select(*map(of_next, names)).where(at.c[names[0]].is_not(None)))
 
 
 def newest_of_each(table: Table) -> Select[Any]:
@@ -144,4 +149,4 @@ def newest_of_each(table: Table) -> Select[Any]:
     names = [column.name for column in at.c]
     newest = select(func.max(others.c.since_ns)).where(*(others.c[name] == at.c[name] for name in names))
     here = and_(*(table.c[name] == at.c[name] for name in names), table.c.since_ns == newest.scalar_subquery())
-    return select(table).select_from(at).join(table, here).where(at.c.robot != "")
+    return select(table).select_from(at).join(table, here).where(at.c[names[0]] != "")

@@ -224,10 +224,11 @@ def _named(ids: list[str]) -> str:
 
 
 def remarks_on_zones(rules: Iterable[WorldRule], world: World) -> Iterator[str]:
-    """Yield a line for each rule that names a zone, or a site, that the zone file has not."""
+    """Yield a line for each rule on a site that no world model has told of, or on a zone that the zone file has not."""
     for rule in rules:
         objects = world.sites.get(rule.site)
         if objects is None:
-            yield f"rule {rule.name!r}: site {rule.site} is not followed; add a zone of it to --zones"
+            why = "no world model has told of it" if world.on else "set --world on"
+            yield f"rule {rule.name!r}: site {rule.site} is not followed: {why}"
         elif not _has_zone(rule, objects):
             yield f"rule {rule.name!r}: site {rule.site} has no zone {getattr(rule, 'zone', '')!r}"

@@ -18,6 +18,7 @@ from services.monitor.web.pages.objects import add_objects
 from services.monitor.web.pages.overview import add_overview
 from services.monitor.web.pages.page_data import PageData
 from services.monitor.web.pages.wall import add_wall
+from services.monitor.web.pages.world_object import add_world_object
 
 
 def add_pages(app: FastAPI, monitor: Monitor) -> None:
@@ -42,3 +43,4 @@ def _add_views(app: FastAPI, monitor: Monitor) -> None:
     add_camera(monitor, views)
     add_objects(monitor, views)
     add_map(monitor, views)
+    add_world_object(monitor, views)

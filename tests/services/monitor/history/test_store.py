@@ -15,7 +15,7 @@ from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history import row_maintenance
 from services.monitor.history import store as module
-from services.monitor.history.archive import Archive, HistoryQuery
+from services.monitor.history.archive import Archive, HistoryQuery, WorldQuery
 from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.state import HistoryError
@@ -24,10 +24,12 @@ from services.monitor.history.tables import (
     clock_doubt,
     disagreements,
     intervals,
+    object_events,
     open_alerts,
     poses,
     presence,
     schema_version,
+    stock,
     webhook_backlog,
 )
 from services.monitor.map.pose import Pose
@@ -114,9 +116,11 @@ async def test_a_database_without_what_came_later_is_read_and_then_completed(url
     async with opened(url) as store:
         await store.write([interval(1, 2)], [alert()], 2 * S)
         async with store._connection.begin():
-            for later in (DropTable(clock_doubt), DropTable(webhook_backlog), DropIndex(open_alerts)):
-                await store._connection.execute(later)
+            for table in (clock_doubt, webhook_backlog, stock, object_events):
+                await store._connection.execute(DropTable(table))
+            await store._connection.execute(DropIndex(open_alerts))
     assert await Archive(url).alerts(HistoryQuery(), 9, states=[AlertState.RAISED]) == [alert()]
+    assert await Archive(url).object_events(WorldQuery(), 9) == []
     async with opened(url) as store:
         assert (await store.load(0)).alerts == [alert()]
         assert await store.clock_doubt() == (None, False)

@@ -191,7 +191,7 @@ def test_a_zone_that_is_not_there_says_nothing_and_is_remarked_on() -> None:
     assert hall.at(0) == []
     assert list(remarks_on_zones(of_sites(hall.engine.book), hall.world)) == [
         "rule 'rule 0': site hall has no zone 'dok'",
-        "rule 'rule 1': site yard is not followed; add a zone of it to --zones",
+        "rule 'rule 1': site yard is not followed: no world model has told of it",
     ]
 
 
