@@ -123,7 +123,7 @@ async def test_robots_are_searched_and_chosen_by_their_state(site: Site, tmp_pat
 
 async def test_what_was_in_view_is_listed_charted_and_downloaded(site: Site, tmp_path: Path) -> None:
     async with looking(site.browser, site.at, tmp_path, scheme="dark") as looker:
-        page = await looker.go("/inventory")
+        page = await looker.go("/in-view")
         row = page.locator("[data-sighting='r1/front/box']")
         await expect(row).to_contain_text("88%")
         await expect(row).to_contain_text("gpu-1 warehouse-n-seg")
@@ -154,7 +154,7 @@ async def test_what_was_in_view_is_listed_charted_and_downloaded(site: Site, tmp
 async def test_what_a_lost_robot_saw_is_not_in_view_now_but_is_not_forgotten(site: Site, tmp_path: Path) -> None:
     site.fleet.enter(Robot("r4", {"drum": 2}))
     async with looking(site.browser, site.at, tmp_path, size="wall") as looker:
-        page = await looker.go("/inventory")
+        page = await looker.go("/in-view")
         row = page.locator("[data-sighting='r4/front/drum']")
         await expect(row).to_be_visible()
         other = site.fleet.enter(Robot("r7", {"drum": 1}))

@@ -140,6 +140,37 @@ async def test_an_object_has_a_page_with_its_facts_its_picture_and_what_became_o
         await expect(page.locator(".fs-facts")).to_be_visible()
 
 
+async def test_the_inventory_is_what_is_in_the_warehouse_by_class_and_zone(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/inventory")
+        stock = page.locator("[data-stock]")
+        await expect(stock).to_have_count(4)
+        await expect(page.locator(f"[data-stock='{SITE}//box']")).to_contain_text("2")
+        await expect(page.locator(f"[data-stock='{SITE}/near/box']")).to_contain_text("1")
+        await expect(page.locator("[data-object]")).to_have_count(3)
+        await looker.picture("inventory-desk-light")
+        await page.locator("button.fs-tile", has_text="pallet").click()
+        await expect(page.locator("[data-object]")).to_have_count(1)
+        await expect(page.get_by_text("Objects: pallet, whole site")).to_be_visible()
+        await page.get_by_role("button", name="Whole site").click()
+        await page.locator(f"[data-stock='{SITE}/near/box']").get_by_role("button").click()
+        near = site.objects()[0]
+        await expect(page.locator("[data-object]")).to_have_attribute("data-object", near.id)
+        await expect(page).to_have_url(re.compile("class=box&zone=near"))
+        await page.reload()
+        await expect(page.locator("[data-object]")).to_have_count(1)
+        await page.get_by_label("Search").fill("nothing like it")
+        await expect(page.get_by_text("0 objects")).to_be_visible()
+        await page.get_by_label("Search").fill("R2")
+        await page.locator("[data-object] a").click()
+        await expect(page.get_by_text(f"box {near.id}", exact=True)).to_be_visible()
+        await looker.go("/inventory")
+        await page.get_by_role("link", name="In view of cameras").click()
+        await expect(page.locator("[data-sighting='r1/front/box']")).to_be_visible()
+        await page.get_by_role("link", name="Warehouse").click()
+        await expect(page.locator("[data-object]")).to_have_count(3)
+
+
 async def test_an_unknown_object_and_an_unknown_site_are_answered_clearly(site: Site, tmp_path: Path) -> None:
     async with looking(site.browser, site.at, tmp_path) as looker:
         page = await looker.go(f"/world/{SITE}/zz99")
@@ -198,6 +229,8 @@ async def test_with_the_world_off_nothing_of_it_is_subscribed_and_the_page_says_
             page = await looker.go("/map")
             await expect(page.get_by_text("Views only: this monitor was started with --world off")).to_be_visible()
             await expect(page.locator(".fs-map .seen.fresh").first).to_be_visible()
+            await looker.go("/inventory")
+            await expect(page.get_by_text("Views only")).to_be_visible()
             await looker.go(f"/world/{SITE}/1")
             await expect(page.get_by_text("Its site is not known now")).to_be_visible()
         assert not any(each.wanted for each in told)

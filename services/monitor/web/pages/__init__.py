@@ -11,6 +11,7 @@ from services.monitor.web.pages.camera import add_camera
 from services.monitor.web.pages.chart import Charts
 from services.monitor.web.pages.frame import answer_instead
 from services.monitor.web.pages.health import add_health
+from services.monitor.web.pages.in_view import add_in_view
 from services.monitor.web.pages.inventory import add_inventory
 from services.monitor.web.pages.map import add_map, floor_plan_route
 from services.monitor.web.pages.mjpeg import PATH, MjpegStreams
@@ -27,7 +28,8 @@ def add_pages(app: FastAPI, monitor: Monitor) -> None:
     shared = PageData(monitor)
     add_overview(shared, monitor)
     add_wall(shared, monitor)
-    add_inventory(shared, Charts(monitor.archive), monitor)
+    add_inventory(monitor)
+    add_in_view(shared, Charts(monitor.archive), monitor)
     add_alerts(monitor, KeptAlerts(monitor.archive))
     add_health(shared, monitor)
     _add_views(app, monitor)

@@ -73,7 +73,7 @@ class _ObjectPage:
                 self._notice = ui.label().classes("fs-line fs-notice").props('role="status"')
                 self._stage = PictureFrame()
                 with self._stage.filling():
-                    self._image = ui.element("img").classes("fs-picture")
+                    self._image = ui.element("img").classes("fs-picture").props('alt=""')
                     self._image.on("error", self._broke_off)
                 self._by = still("").classes("fs-line")
             with ui.element("section").classes("fs-panel"):

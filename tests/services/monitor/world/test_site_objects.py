@@ -1,8 +1,12 @@
+from collections import Counter
+from time import time_ns
+
 import msgspec
 import pytest
 
 from schemas.space import Vector
 from schemas.world import ChangeKind, WorldChange, WorldChanges, WorldObject
+from services.monitor.fleet import Fleet
 from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.world.site_objects import MAX_BUFFERED, MAX_FOLLOWED, SITE, SiteObjects, World
 from services.monitor.world.zones import Zone
@@ -33,6 +37,15 @@ def change(kind: ChangeKind, of: WorldObject) -> WorldChange:
 
 def changes(first: int, *some: WorldChange, epoch: str = "e") -> WorldChanges:
     return WorldChanges(site="hall", epoch=epoch, first=first, sent_ns=0, changes=list(some))
+
+
+def tell_of(fleet: Fleet, *objects: WorldObject, site: str = "hall", for_s: int = 3_600) -> None:
+    """Have a fleet know all objects of a site, whose world model counts as there for so long."""
+    of_class = Counter(each.name for each in objects)
+    told = msgspec.structs.replace(status(site), objects=dict(of_class))
+    fleet.sites.take(told, time_ns() + for_s * 10**9)
+    fleet.world.hear(told)
+    fleet.world.sites[site].replace("e", 0, objects)
 
 
 APPEARED, MOVED, GONE, BACK, MERGED, SEEN = (ChangeKind(kind) for kind in ChangeKind)
