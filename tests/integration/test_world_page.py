@@ -152,6 +152,11 @@ async def test_the_inventory_is_what_is_in_the_warehouse_by_class_and_zone(site:
         await page.locator("button.fs-tile", has_text="pallet").click()
         await expect(page.locator("[data-object]")).to_have_count(1)
         await expect(page.get_by_text("Objects: pallet, whole site")).to_be_visible()
+        async with page.expect_download() as download:
+            await page.get_by_role("link", name="Objects as CSV").click()
+        text = await asyncio.to_thread(Path.read_text, await (await download.value).path(), "utf-8")
+        (pallet,) = site.objects("pallet")
+        assert [line.split(",")[:3] for line in text.splitlines()[1:]] == [[SITE, pallet.id, "pallet"]]
         await page.get_by_role("button", name="Whole site").click()
         await page.locator(f"[data-stock='{SITE}/near/box']").get_by_role("button").click()
         near = site.objects()[0]

@@ -17,6 +17,7 @@ from schemas.status import GatewayStatus
 from services.monitor.formats import moment, rounded
 from services.monitor.history.intervals import Interval
 from services.monitor.history.state import Act
+from services.monitor.history.world_history import ObjectEvent
 from services.monitor.inventory.inventory import Entry
 from services.monitor.map.sites import KnownSite
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
@@ -30,13 +31,11 @@ from services.monitor.web.api.models import (
     Part,
     ReturnAnswer,
     RobotAnswer,
-    RobotOffsetAnswer,
     SightingAnswer,
-    SiteAnswer,
     StreamAnswer,
     WorkerAnswer,
-    ZoneAnswer,
 )
+from services.monitor.web.api.world_models import EventAnswer, RobotOffsetAnswer, SiteAnswer, ZoneAnswer
 from services.monitor.world.site_objects import ZoneCount
 
 M = TypeVar("M", bound=Part)
@@ -176,6 +175,11 @@ def zone_answer(counted: ZoneCount) -> ZoneAnswer:
     """Return a zone's model."""
     objects = {name: count for name, count in sorted(counted.objects.items()) if count}
     return answer_of(ZoneAnswer, counted.zone, current=counted.current, objects=objects)
+
+
+def event_answer(of: ObjectEvent) -> EventAnswer:
+    """Return the model of what became of an object."""
+    return answer_of(EventAnswer, of, since=moment(of.since_ns), until=moment(of.until_ns))
 
 
 def gateway_answer(of: GatewayStatus, last_ns: int, *, online: bool) -> GatewayAnswer:

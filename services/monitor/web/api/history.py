@@ -15,15 +15,16 @@ from starlette.background import BackgroundTask
 
 from schemas.alerts import Alert, AlertState
 from services.monitor.formats import epoch_ns, moment
-from services.monitor.history.archive import AlertCursor, HistoryQuery, SightingCursor
+from services.monitor.history.archive import AlertCursor, HistoryQuery, SightingCursor, WorldQuery
 from services.monitor.history.export import export
 from services.monitor.history.intervals import Interval
 from services.monitor.history.settings import LAST_NS, NONE, ExportSettings, written_like
 from services.monitor.history.state import Act
 from services.monitor.monitor import Monitor
-from services.monitor.web.api.bodies import alert_answer, interval_answer
+from services.monitor.web.api.bodies import alert_answer, event_answer, interval_answer
 from services.monitor.web.api.models import AlertAnswer, IntervalAnswer, Page
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, operator_of, place_of
+from services.monitor.web.api.world_models import EventAnswer
 
 DEFAULT_LIMIT: Final = 200
 DAY_NS: Final = 86_400 * 1_000_000_000
@@ -33,13 +34,12 @@ FILES: Final[dict[int | str, dict[str, Any]]] = {200: {"content": {kind: {} for 
 
 Moment = Annotated[AwareDatetime, written_like("2026-11-20T06:00Z")]
 Since = Annotated[Moment | None, Query(description="skip what ended before this time; a day ago by default")]
+Site = Annotated[str, Query(max_length=64, description="only in this site")]
 Until = Annotated[Moment | None, Query(description="skip what began after this time")]
 
 
-def asked(
-    *, since: Since = None, until: Until = None, robot: Name = "", camera: Name = "", name: ClassName = ""
-) -> HistoryQuery:
-    """Return the history query of a URL.
+def period(*, since: Since = None, until: Until = None) -> tuple[int, int]:
+    """Return the beginning and the end of the time that a URL is about, epoch nanoseconds.
 
     Raises:
         HTTPException: it ends before it begins.
@@ -48,13 +48,15 @@ def asked(
     until_ns = 2**63 - 1 if until is None else _bounded_ns(until)
     if since_ns > until_ns:
         raise HTTPException(422, "since is later than until" if since else "since, a day ago, is later than until")
-    return HistoryQuery(
-        since_ns=since_ns,
-        until_ns=until_ns,
-        robot=robot,
-        camera=camera,
-        name=name,
-    )
+    return since_ns, until_ns
+
+
+Period = Annotated[tuple[int, int], Depends(period)]
+
+
+def asked(during: Period, *, robot: Name = "", camera: Name = "", name: ClassName = "") -> HistoryQuery:
+    """Return the history query of a URL."""
+    return HistoryQuery(*during, robot=robot, camera=camera, name=name)
 
 
 FromQuery = Annotated[HistoryQuery, Depends(asked)]
@@ -90,6 +92,23 @@ def history_routes(monitor: Monitor) -> APIRouter:
             done[act.alert_id].append(act)
         answers = [alert_answer(each, tuple(done[each.id]), monitor.known_until_ns(each)) for each in items]
         return Page(now=moment(time.time_ns()), items=answers, next=mark)
+
+    @router.get("/events")
+    async def events(
+        during: Period,
+        site: Site = "",
+        object_id: Annotated[str, Query(alias="object", max_length=64, description="only of this object")] = "",
+        name: ClassName = "",
+        *,
+        limit: Limit = DEFAULT_LIMIT,
+        after: After = None,
+    ) -> Page[EventAnswer]:
+        """What became of sites' objects, newest first: appeared, moved, gone, back, merged."""
+        place = None if after is None else place_of(after, (int, str, str, str))
+        query = WorldQuery(*during, site=site, object=object_id, name=name)
+        found = await monitor.archive.object_events(query, limit + 1, place)
+        items, mark = first_of(found, lambda of: (of.until_ns, of.site, of.object, of.kind), limit)
+        return Page(now=moment(time.time_ns()), items=[event_answer(each) for each in items], next=mark)
 
     @router.get("/export", response_class=FileResponse, responses=FILES)
     async def whole(

@@ -163,43 +163,6 @@ class WorkerAnswer(Part):
     version: str
 
 
-class RobotOffsetAnswer(Part):
-    """How far a robot's localisation is off: metres, and radians. doubted: why it is left out for now, or empty."""
-
-    robot: str
-    x: Figure
-    y: Figure
-    yaw: Figure
-    doubted: str
-
-
-class SiteAnswer(Part):
-    """What a world model keeps of a site: objects by class, each once. current: it said so within 5 seconds."""
-
-    site: str
-    worker: str
-    current: bool
-    last_seen: datetime | None
-    objects: dict[str, int]
-    tentative: int
-    left_out: dict[str, int]
-    problems: tuple[str, ...]
-    robots: tuple[RobotOffsetAnswer, ...]
-
-
-class ZoneAnswer(Part):
-    """A zone of a site. corners: x, y in the site's map, metres. objects: by class, each once.
-
-    current: its world model said so within 5 seconds, and the monitor has all of it.
-    """
-
-    site: str
-    name: str
-    corners: tuple[tuple[float, float], ...]
-    current: bool
-    objects: dict[str, int]
-
-
 class StreamAnswer(Part):
     """A ROS topic on its way to the bus."""
 

@@ -10,7 +10,7 @@ from nicegui import events, ui
 
 from services.monitor.join_address import endpoint_to_join
 from services.monitor.monitor import Monitor
-from services.monitor.web.pages.components import IN_VIEW, INVENTORY, Tile, tabs
+from services.monitor.web.pages.components import IN_VIEW, INVENTORY, Tile, still, tabs
 from services.monitor.web.pages.frame import REFRESH_S, nothing_yet, page_at, page_frame
 from services.monitor.web.pages.live_table import SEARCH, Choices, Column, LiveTable, Loaded, RowWindow, search_field
 from services.monitor.web.pages.rows.formatting import plural
@@ -20,6 +20,7 @@ from services.monitor.web.pages.rows.stock import (
     STOCK_BODY,
     STOCK_CARD,
     WHOLE_SITE,
+    csv_link,
     object_row,
     stock_lines,
     stock_row,
@@ -118,6 +119,8 @@ class _Inventory:
                     self._about = ui.label()
                 search_field("Class, object, zone or robot", self._look_for, self._filters.text)
                 self._found = ui.label().classes("fs-muted")
+                ui.element("div").classes("fs-spring")
+                self._csv = still("")
             return LiveTable(
                 OBJECT_COLUMNS, self._load_objects, row_key="id", sort="name", body=OBJECT_BODY, card=OBJECT_CARD
             )
@@ -140,6 +143,7 @@ class _Inventory:
         self._show_tiles(site)
         where = self._filters.zone or (f"site {self._shown.name}" if len(fleet.world.sites) > 1 else WHOLE_SITE)
         self._about.set_text(f"Objects: {self._filters.name or 'all classes'}, {where}")
+        self._csv.set_content(csv_link(self._shown.name, self._filters))
         self._all.set_visibility(bool(self._filters.name or self._filters.zone))
         await self._stock.refresh()
         await self._objects.refresh()

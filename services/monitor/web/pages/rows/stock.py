@@ -2,10 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from typing import Any, Final
+from urllib.parse import urlencode
 
 from services.monitor.map.footprints import address_of
 from services.monitor.web.pages.rows.formatting import NOTHING, WHEN, ago, iso, seen_lately
+from services.monitor.world.selection import ObjectFilters
 from services.monitor.world.site_objects import SITE, PlacedObject, SiteObjects
 
 WHOLE_SITE: Final = "whole site"
@@ -77,6 +80,13 @@ def tiles_of(counts: Mapping[str, int], most: int, chosen: str = "") -> Sequence
     """Return the classes of which there are most, the chosen one among them."""
     there = sorted((name for name, count in counts.items() if count), key=lambda name: (-counts[name], name))[:most]
     return [*there[: most - 1], chosen] if chosen and chosen not in there else there
+
+
+def csv_link(site: str, filters: ObjectFilters) -> str:
+    """Return a link to the file of the objects of a site, class and zone, as HTML."""
+    query = {"site": site, "class": filters.name, "zone": filters.zone, "bom": "true"}
+    url = f"/api/v1/objects/export?{urlencode({name: value for name, value in query.items() if value})}"
+    return f'<a class="fs-link fs-small" download href="{escape(url)}">Objects as CSV</a>'
 
 
 CHOOSE: Final = "$parent.$emit('choose', [props.row.at, props.row.name])"
