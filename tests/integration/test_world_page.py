@@ -148,7 +148,13 @@ async def test_the_inventory_is_what_is_in_the_warehouse_by_class_and_zone(site:
         await expect(page.locator(f"[data-stock='{SITE}//box']")).to_contain_text("2")
         await expect(page.locator(f"[data-stock='{SITE}/near/box']")).to_contain_text("1")
         await expect(page.locator("[data-object]")).to_have_count(3)
+        await expect(page.get_by_text("Over time: all classes, whole site")).to_be_visible()
+        await expect(page.locator(".fs-chart canvas").first).to_be_visible(timeout=30_000)
         await looker.picture("inventory-desk-light")
+        async with page.expect_download() as download:
+            await page.get_by_role("link", name="Last day as CSV").click()
+        text = await asyncio.to_thread(Path.read_text, await (await download.value).path(), "utf-8")
+        assert f"{SITE},near,box," in text
         await page.locator("button.fs-tile", has_text="pallet").click()
         await expect(page.locator("[data-object]")).to_have_count(1)
         await expect(page.get_by_text("Objects: pallet, whole site")).to_be_visible()

@@ -24,16 +24,25 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from schemas.alerts import Alert, AlertState
-from services.monitor.history.counting import Counts, count_over_time, in_view, nothing_counted, spoken_for
+from services.monitor.history.counting import (
+    Counts,
+    count_over_time,
+    in_stock,
+    in_view,
+    nothing_counted,
+    spoken_for,
+    stock_known,
+)
 from services.monitor.history.engine import CASEFOLD, engine_of, translating
 from services.monitor.history.intervals import Interval
 from services.monitor.history.opening import connect
 from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import Act, HistoryError
-from services.monitor.history.tables import UNRESOLVED, acts, alerts, heartbeat, intervals, lasted, object_events
-from services.monitor.history.world_history import ObjectEvent
+from services.monitor.history.tables import UNRESOLVED, acts, alerts, heartbeat, intervals, lasted, object_events, stock
+from services.monitor.history.world_history import ObjectEvent, StockLevel
 from services.monitor.inventory.sighting import NS
+from services.monitor.world.site_objects import SITE
 
 ANY_LETTER: Final = "und-x-icu"
 """A collation of PostgreSQL's that knows the letters of all alphabets, whatever the database's own is."""
@@ -217,6 +226,35 @@ class Archive:
         query = object_events.select().where(*where, of.until_ns >= asked.since_ns, of.since_ns <= asked.until_ns)
         query = _page(query, (of.until_ns, of.site, of.object, of.kind), limit, after)
         return [lasting_of_row(ObjectEvent, row) for row in await self._read_later(query)]
+
+    async def stock(self, asked: WorldQuery, limit: int, after: StockCursor | None = None) -> list[StockLevel]:
+        """Return the newest stock levels, those that began last first; after the place where another page ended."""
+        if asked.is_nowhere:
+            return []
+        of = stock.c
+        given = {of.site: asked.site, of.name: asked.name}
+        where = [column == value for column, value in given.items() if value]
+        where += [] if asked.zone is None else [of.zone == asked.zone]
+        query = stock.select().where(*where, lasted(stock, asked.since_ns), of.since_ns <= asked.until_ns)
+        query = _page(query, (of.since_ns, of.site, of.zone, of.name), limit, after)
+        async with self._connected() as connection:
+            at_ns = await _heartbeat_ns(connection)
+        return [lasting_of_row(StockLevel, row, at_ns) for row in await self._read_later(query)]
+
+    async def stock_counts(self, asked: WorldQuery) -> Counts:
+        """Return how many objects a zone held over the time that is asked for, by class."""
+        zone = asked.zone or SITE
+        async with self._connected() as connection:
+            if asked.is_nowhere or not await connection.run_sync(lambda of: inspect(of).has_table(stock.name)):
+                return nothing_counted(asked.since_ns, asked.until_ns)
+            if connection.dialect.name == "postgresql":  # its compiler takes longer than the query
+                await connection.exec_driver_sql("SET LOCAL jit = off")
+            at_ns = await _heartbeat_ns(connection)
+            until_ns = asked.until_ns if at_ns + HEARD_NS >= asked.until_ns else at_ns
+            classes = {"name": asked.name} if asked.name else {}
+            counted = in_stock({"site": asked.site, "zone": zone, **classes}, until_ns)
+            known = stock_known(asked.site, zone, until_ns)
+            return await count_over_time(connection, counted, known, asked.since_ns, asked.until_ns)
 
     async def acts(self, alert_ids: Sequence[str]) -> list[Act]:
         """Return the operators' actions on some alerts, in order."""

@@ -17,7 +17,7 @@ from schemas.status import GatewayStatus
 from services.monitor.formats import moment, rounded
 from services.monitor.history.intervals import Interval
 from services.monitor.history.state import Act
-from services.monitor.history.world_history import ObjectEvent
+from services.monitor.history.world_history import ObjectEvent, StockLevel
 from services.monitor.inventory.inventory import Entry
 from services.monitor.map.sites import KnownSite
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
@@ -35,7 +35,7 @@ from services.monitor.web.api.models import (
     StreamAnswer,
     WorkerAnswer,
 )
-from services.monitor.web.api.world_models import EventAnswer, RobotOffsetAnswer, SiteAnswer, ZoneAnswer
+from services.monitor.web.api.world_models import EventAnswer, RobotOffsetAnswer, SiteAnswer, StockAnswer, ZoneAnswer
 from services.monitor.world.site_objects import ZoneCount
 
 M = TypeVar("M", bound=Part)
@@ -180,6 +180,11 @@ def zone_answer(counted: ZoneCount) -> ZoneAnswer:
 def event_answer(of: ObjectEvent) -> EventAnswer:
     """Return the model of what became of an object."""
     return answer_of(EventAnswer, of, since=moment(of.since_ns), until=moment(of.until_ns))
+
+
+def stock_answer(of: StockLevel) -> StockAnswer:
+    """Return the model of a stock level."""
+    return answer_of(StockAnswer, of, since=moment(of.since_ns), until=moment(of.until_ns))
 
 
 def gateway_answer(of: GatewayStatus, last_ns: int, *, online: bool) -> GatewayAnswer:

@@ -12,7 +12,7 @@ from nicegui import events, ui
 from services.monitor.inventory.inventory import Entry
 from services.monitor.join_address import endpoint_to_join
 from services.monitor.monitor import Monitor
-from services.monitor.web.pages.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, options
+from services.monitor.web.pages.chart import MAX_AGE_S, RANGES, Charts, Subject, chart, show_chart
 from services.monitor.web.pages.components import IN_VIEW, INVENTORY, Tile, tabs
 from services.monitor.web.pages.frame import REFRESH_S, export_link, nothing_yet, page_at, page_frame
 from services.monitor.web.pages.live_table import SEARCH, Choices, Column, LiveTable, Loaded, RowWindow, search_field
@@ -121,12 +121,7 @@ class _InView:
         drawn = await self._charts.of(self._subject)
         self._about.set_text(f"In view: {self._subject}")
         self._all.set_visibility(bool(self._subject.robot))
-        why_not = drawn.problem or ("" if drawn.lines else "None of it was in view during this time.")
-        self._why_not.set_text(why_not)
-        self._why_not.set_visibility(bool(why_not))
-        self._chart.set_visibility(not why_not)
-        self._chart.options.clear()
-        self._chart.options.update(options(drawn))
+        show_chart(self._chart, self._why_not, drawn, "None of it was in view during this time.")
 
     async def _load(self, window: RowWindow) -> Loaded:
         stock = await self._shared.stock()

@@ -10,8 +10,9 @@ from nicegui import events, ui
 
 from services.monitor.join_address import endpoint_to_join
 from services.monitor.monitor import Monitor
+from services.monitor.web.pages.chart import MAX_AGE_S, RANGES, Charts, StockSubject, chart, show_chart
 from services.monitor.web.pages.components import IN_VIEW, INVENTORY, Tile, still, tabs
-from services.monitor.web.pages.frame import REFRESH_S, nothing_yet, page_at, page_frame
+from services.monitor.web.pages.frame import REFRESH_S, export_link, nothing_yet, page_at, page_frame
 from services.monitor.web.pages.live_table import SEARCH, Choices, Column, LiveTable, Loaded, RowWindow, search_field
 from services.monitor.web.pages.rows.formatting import plural
 from services.monitor.web.pages.rows.stock import (
@@ -49,13 +50,13 @@ OBJECT_COLUMNS: Final = (
 )
 
 
-def add_inventory(monitor: Monitor) -> None:
+def add_inventory(charts: Charts, monitor: Monitor) -> None:
     """Add the page."""
 
     @page_at(INVENTORY.path)
     async def inventory() -> None:
         async with page_frame(monitor, "Inventory", INVENTORY):
-            await _Inventory(monitor).refresh()
+            await _Inventory(charts, monitor).refresh()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +72,10 @@ class _Sorted:
 class _Inventory:
     """One browser's view of the inventory."""
 
-    def __init__(self, monitor: Monitor) -> None:
+    def __init__(self, charts: Charts, monitor: Monitor) -> None:
         self._monitor = monitor
+        self._charts = charts
+        self._seconds = RANGES["1 h"]
         self._join = endpoint_to_join(monitor.settings)
         self._choices = Choices()
         self._filters = ObjectFilters(
@@ -85,6 +88,7 @@ class _Inventory:
         self._notice = ui.label().classes("fs-line fs-notice").props('role="status"')
         with ui.element("div").classes("fs-stack") as self._there:
             self._totals = ui.element("div").classes("fs-tiles")
+            self._draw_chart()
             self._stock = self._draw_stock()
             self._objects = self._draw_objects()
         self._empty = nothing_yet(
@@ -95,6 +99,20 @@ class _Inventory:
             command=f"fleetsight worldmodel --connect {self._join}",
         )
         ui.timer(REFRESH_S, self.refresh, immediate=False)
+        ui.timer(MAX_AGE_S, self.draw)  # a slow database does not delay the page
+
+    def _draw_chart(self) -> None:
+        with ui.element("div").classes("fs-panel"):
+            with ui.element("div").classes("fs-panel-head"):
+                with ui.element("h2"):
+                    self._over_time = ui.label()
+                ui.element("div").classes("fs-spring")
+                export_link(self._monitor, "stock")
+                ui.toggle(list(RANGES), value="1 h", on_change=self._over).props(
+                    'dense flat no-caps role=group aria-label="How far back"'
+                )
+            self._chart = chart()
+            self._why_not = ui.label().classes("fs-empty")
 
     def _draw_stock(self) -> LiveTable:
         with ui.element("div").classes("fs-panel"):
@@ -125,6 +143,21 @@ class _Inventory:
                 OBJECT_COLUMNS, self._load_objects, row_key="id", sort="name", body=OBJECT_BODY, card=OBJECT_CARD
             )
 
+    async def draw(self) -> None:
+        """Draw the chart again."""
+        if self._shown.objects is None:
+            return
+        subject = StockSubject(self._shown.name, self._filters.zone, self._filters.name, self._seconds)
+        drawn = await self._charts.of(subject)
+        self._over_time.set_text(f"Over time: {self._subject()}")
+        show_chart(self._chart, self._why_not, drawn, "Nothing of it is known to have been there during this time.")
+
+    def _subject(self) -> str:
+        """Return the class and the zone, or site, that are shown, in words."""
+        several = len(self._monitor.fleet.world.sites) > 1
+        where = self._filters.zone or (f"site {self._shown.name}" if several else WHOLE_SITE)
+        return f"{self._filters.name or 'all classes'}, {where}"
+
     async def refresh(self) -> None:
         """Show what is there now."""
         fleet, now_ns = self._monitor.fleet, time.time_ns()
@@ -141,8 +174,7 @@ class _Inventory:
         if self._filters.zone not in {SITE, *(each.name for each in site.zones)}:
             self._filters = replace(self._filters, zone=SITE)
         self._show_tiles(site)
-        where = self._filters.zone or (f"site {self._shown.name}" if len(fleet.world.sites) > 1 else WHOLE_SITE)
-        self._about.set_text(f"Objects: {self._filters.name or 'all classes'}, {where}")
+        self._about.set_text(f"Objects: {self._subject()}")
         self._csv.set_content(csv_link(self._shown.name, self._filters))
         self._all.set_visibility(bool(self._filters.name or self._filters.zone))
         await self._stock.refresh()
@@ -211,6 +243,10 @@ class _Inventory:
         self._choices.keep("site", event.value or "")
         await self._narrow(replace(self._filters, zone=SITE, name=""))
 
+    async def _over(self, event: events.ValueChangeEventArguments[str]) -> None:
+        self._seconds = RANGES[event.value]
+        await self.draw()
+
     async def _look_for(self, text: str) -> None:
         self._filters = replace(self._filters, text=text)
         self._choices.keep(SEARCH, text)
@@ -223,3 +259,4 @@ class _Inventory:
         await self.refresh()
         await self._stock.begin()
         await self._objects.begin()
+        await self.draw()
