@@ -113,7 +113,9 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     health = Health(bus, hub=settings.mode != "client", settings=settings)
     heartbeat = Heartbeat(health.heard_s, settings.lease_s)
     conditions = WorldConditions(fleet.world, fleet.sites, fleet.places.poses)
-    alerting = Alerting(rules, fleet.inventory, heartbeat, conditions=conditions, robot_ns=fleet.clocks.robot_ns)
+    page = "" if settings.web_url is None else str(settings.web_url).rstrip("/")
+    robot_ns = fleet.clocks.robot_ns
+    alerting = Alerting(rules, fleet.inventory, heartbeat, conditions=conditions, robot_ns=robot_ns, page=page)
     history = HistoryKeeper(
         settings, fleet.inventory, alerting.lead, fleet.places, alerting, world=(fleet.world, fleet.sites)
     )

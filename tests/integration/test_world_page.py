@@ -37,6 +37,10 @@ ZONES = """
 zones:
   - {name: near, site: hall-2, corners: [[3, -2], [4, -2], [4, 2], [3, 2]]}
 """
+RULES = """
+rules:
+  - {name: what left, when: leaves, class: box, site: hall-2, zone: near, within_s: 600}
+"""
 NOTE_CHANGES = """([name, part]) => {
   window.changes = {...window.changes, [name]: 0};
   new MutationObserver(() => window.changes[name]++)
@@ -68,7 +72,8 @@ async def site(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Site]:
     folder = tmp_path_factory.mktemp("site")
     (folder / "zones.yaml").write_text(ZONES, encoding="utf-8")
     history = f"sqlite:///{folder / 'history.db'}"
-    settings = MonitorSettings(zones=folder / "zones.yaml", history=history, web_port=0)
+    (folder / "rules.yaml").write_text(RULES, encoding="utf-8")
+    settings = MonitorSettings(zones=folder / "zones.yaml", rules=folder / "rules.yaml", history=history, web_port=0)
     robots = Robots(THINGS)
     async with AsyncExitStack() as stack:
         central = await stack.enter_async_context(fleet_rig())
@@ -99,6 +104,7 @@ async def test_objects_are_drawn_at_their_size_once_and_lead_to_their_pages(site
         await expect(page.get_by_text("Zone near: 1 box, 1 pallet")).to_be_visible()
         (pallet,) = site.objects("pallet")
         link = page.locator(f'.fs-map a[href="/world/{SITE}/{pallet.id}"]')
+        await expect(page.locator(".fs-map .zone polygon")).to_be_visible()
         zone_width, _ = await size_of(page.locator(".fs-map .zone polygon"))  # a metre wide
         xs, ys = zip(*footprint(pallet), strict=True)
         expected = max(xs) - min(xs), max(ys) - min(ys)
@@ -135,6 +141,10 @@ async def test_an_object_has_a_page_with_its_facts_its_picture_and_what_became_o
         await expect(page.get_by_text(f"box {near.id} is gone")).to_be_visible()
         await expect(page.locator("[data-event=gone]")).to_contain_text("from 3.5, -1.0 m")
         await looker.picture("object-gone-desk-light")
+        await looker.go("/alerts")
+        alert = page.locator("[data-alert]", has_text=f"box {near.id} left {SITE}/near")
+        await expect(alert.get_by_role("link", name=near.id)).to_have_attribute("href", f"/world/{SITE}/{near.id}")
+        await alert.get_by_role("link", name=near.id).click()
         site.robots.things = THINGS
         await expect(page.locator("[data-event=back]")).to_be_visible()
         await expect(page.locator(".fs-facts")).to_be_visible()

@@ -36,10 +36,20 @@ from services.monitor.history.counting import (
 from services.monitor.history.engine import CASEFOLD, engine_of, translating
 from services.monitor.history.intervals import Interval
 from services.monitor.history.opening import connect
-from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row
+from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row, select_alerts
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import Act, HistoryError
-from services.monitor.history.tables import UNRESOLVED, acts, alerts, heartbeat, intervals, lasted, object_events, stock
+from services.monitor.history.tables import (
+    UNRESOLVED,
+    acts,
+    alert_objects,
+    alerts,
+    heartbeat,
+    intervals,
+    lasted,
+    object_events,
+    stock,
+)
 from services.monitor.history.world_history import ObjectEvent, StockLevel
 from services.monitor.inventory.sighting import NS
 from services.monitor.world.site_objects import SITE
@@ -206,14 +216,17 @@ class Archive:
         """Return the alerts that changed last, in one of the states if any are named."""
         if asked.is_nowhere:
             return []
-        query = alerts.select().where(
-            *_named(asked, alerts), alerts.c.raised_ns <= asked.until_ns, alerts.c.changed_ns >= asked.since_ns
-        )
-        if states:
-            query = query.where(alerts.c.state.in_(states))
-        if states and AlertState.RESOLVED not in states:
-            query = query.where(UNRESOLVED)  # which has an index
-        rows = await self._read(_page(query, (alerts.c.changed_ns, alerts.c.id), limit, after))
+        async with self._connected() as connection:
+            query = select_alerts() if await _has(connection, alert_objects) else alerts.select()
+            query = query.where(
+                *_named(asked, alerts), alerts.c.raised_ns <= asked.until_ns, alerts.c.changed_ns >= asked.since_ns
+            )
+            if states:
+                query = query.where(alerts.c.state.in_(states))
+            if states and AlertState.RESOLVED not in states:
+                query = query.where(UNRESOLVED)  # which has an index
+            query = _page(query, (alerts.c.changed_ns, alerts.c.id), limit, after)
+            rows = (await connection.execute(query)).all()
         return [alert_of_row(row) for row in rows]
 
     async def object_events(self, asked: WorldQuery, limit: int, after: EventCursor | None = None) -> list[ObjectEvent]:
@@ -225,7 +238,7 @@ class Archive:
         where = [column == value for column, value in given.items() if value]
         query = object_events.select().where(*where, of.until_ns >= asked.since_ns, of.since_ns <= asked.until_ns)
         query = _page(query, (of.until_ns, of.site, of.object, of.kind), limit, after)
-        return [lasting_of_row(ObjectEvent, row) for row in await self._read_later(query)]
+        return [lasting_of_row(ObjectEvent, row) for row in await self._read_later(object_events, query)]
 
     async def stock(self, asked: WorldQuery, limit: int, after: StockCursor | None = None) -> list[StockLevel]:
         """Return the newest stock levels, those that began last first; after the place where another page ended."""
@@ -239,13 +252,13 @@ class Archive:
         query = _page(query, (of.since_ns, of.site, of.zone, of.name), limit, after)
         async with self._connected() as connection:
             at_ns = await _heartbeat_ns(connection)
-        return [lasting_of_row(StockLevel, row, at_ns) for row in await self._read_later(query)]
+        return [lasting_of_row(StockLevel, row, at_ns) for row in await self._read_later(stock, query)]
 
     async def stock_counts(self, asked: WorldQuery) -> Counts:
         """Return how many objects a zone held over the time that is asked for, by class."""
         zone = asked.zone or SITE
         async with self._connected() as connection:
-            if asked.is_nowhere or not await connection.run_sync(lambda of: inspect(of).has_table(stock.name)):
+            if asked.is_nowhere or not await _has(connection, stock):
                 return nothing_counted(asked.since_ns, asked.until_ns)
             if connection.dialect.name == "postgresql":  # its compiler takes longer than the query
                 await connection.exec_driver_sql("SET LOCAL jit = off")
@@ -267,13 +280,12 @@ class Archive:
             rows: Sequence[Any] = (await connection.execute(query)).all()
         return rows
 
-    async def _read_later(self, query: Select[Any]) -> Sequence[Any]:
-        """Read a table that is not there where a monitor without it made the database, and no other has run since."""
+    async def _read_later(self, table: Table, query: Select[Any]) -> Sequence[Any]:
+        """Read a table that came later; empty where no monitor that knows it has written to the database yet."""
         async with self._connected() as connection:
-            (table,) = {each.name for each in query.get_final_froms() if isinstance(each, Table)}
-            if not await connection.run_sync(lambda of: inspect(of).has_table(table)):
-                return []
-            rows: Sequence[Any] = (await connection.execute(query)).all()
+            rows: Sequence[Any] = ()
+            if await _has(connection, table):
+                rows = (await connection.execute(query)).all()
         return rows
 
     @asynccontextmanager
@@ -286,6 +298,11 @@ class Archive:
                 yield connection
             finally:
                 await connection.close()
+
+
+async def _has(connection: AsyncConnection, table: Table) -> bool:
+    """Whether a database has a table that came later."""
+    return await connection.run_sync(lambda of: inspect(of).has_table(table.name))
 
 
 async def _heartbeat_ns(connection: AsyncConnection) -> int:

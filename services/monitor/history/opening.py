@@ -15,6 +15,7 @@ from services.monitor.history.engine import file_of, name_of, private_file, tran
 from services.monitor.history.state import HistoryError, OtherVersionError
 from services.monitor.history.tables import (
     SCHEMA_VERSION,
+    alert_objects,
     clock_correction,
     clock_doubt,
     forgotten,
@@ -31,7 +32,16 @@ OURS: Final = f"this one's are version {SCHEMA_VERSION}"
 
 LATER: Final = frozenset(
     table.name
-    for table in (schema_version, forgotten, clock_doubt, clock_correction, webhook_backlog, stock, object_events)
+    for table in (
+        schema_version,
+        forgotten,
+        clock_doubt,
+        clock_correction,
+        webhook_backlog,
+        stock,
+        object_events,
+        alert_objects,
+    )
 )
 """Tables that came later, which who reads does without."""
 

@@ -15,6 +15,7 @@ from services.monitor.history.rows import TABLES
 from services.monitor.history.state import HistoryError
 from services.monitor.history.tables import (
     acts,
+    alert_objects,
     alerts,
     clock_correction,
     disagreements,
@@ -94,6 +95,7 @@ async def _prune_alerts(connection: AsyncConnection, before_ns: int) -> bool:
     last_ns, is_all = await _slice(connection, alerts.c.changed_ns, old, before_ns)
     old &= alerts.c.changed_ns <= last_ns
     await connection.execute(delete(acts).where(acts.c.alert_id.in_(select(alerts.c.id).where(old))))
+    await connection.execute(delete(alert_objects).where(alert_objects.c.alert_id.in_(select(alerts.c.id).where(old))))
     await connection.execute(delete(alerts).where(old))
     is_gone = ~exists().where(alerts.c.id == webhook_backlog.c.alert_id)
     await connection.execute(delete(webhook_backlog).where(is_gone))

@@ -6,7 +6,20 @@ from operator import itemgetter
 from typing import Any, Final, TypeVar
 
 import msgspec
-from sqlalchemy import CTE, BigInteger, Row, ScalarSelect, Select, Table, and_, func, literal, select, tuple_
+from sqlalchemy import (
+    CTE,
+    BigInteger,
+    ColumnElement,
+    Row,
+    ScalarSelect,
+    Select,
+    Table,
+    and_,
+    func,
+    literal,
+    select,
+    tuple_,
+)
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Dialect
 
@@ -16,7 +29,15 @@ from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.presence import Presence
 from services.monitor.history.state import Act
-from services.monitor.history.tables import disagreements, intervals, object_events, presence, stock
+from services.monitor.history.tables import (
+    alert_objects,
+    alerts,
+    disagreements,
+    intervals,
+    object_events,
+    presence,
+    stock,
+)
 from services.monitor.history.world_history import ObjectEvent, StockLevel
 from services.monitor.map.pose import Pose
 
@@ -72,13 +93,27 @@ def pose_of_row(row: Row[Any]) -> tuple[str, Pose]:
 
 
 def row_of_alert(alert: Alert) -> dict[str, Any]:
-    """Return an alert's columns."""
-    return _storable(msgspec.to_builtins(alert))
+    """Return an alert's columns in its table; `alert_objects` has what it is about."""
+    columns = _storable(msgspec.to_builtins(alert))
+    return {name: value for name, value in columns.items() if name in alerts.c}
+
+
+def row_of_alert_object(alert: Alert) -> dict[str, Any]:
+    """Return the columns that say which site and object an alert is about."""
+    return {"alert_id": alert.id, "site": alert.site, "object": storable(alert.object)}
 
 
 def alert_of_row(row: Row[Any]) -> Alert:
-    """Return the alert of a row."""
-    return msgspec.convert(_columns(row), Alert)
+    """Return the alert of a row, with its site and object where these are known."""
+    return msgspec.convert({name: value for name, value in _columns(row).items() if value is not None}, Alert)
+
+
+def select_alerts(*more: ColumnElement[Any]) -> Select[Any]:
+    """Return a query for alerts with their sites and objects, and for more columns."""
+    of = alert_objects.c
+    return select(*alerts.c, of.site, of.object, *more).outerjoin_from(
+        alerts, alert_objects, of.alert_id == alerts.c.id
+    )
 
 
 def row_of_act(act: Act) -> dict[str, Any]:

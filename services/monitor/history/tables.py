@@ -195,6 +195,15 @@ alerts: Final = Table(
 )
 """Every alert in its current or final state."""
 
+alert_objects: Final = Table(
+    "alert_objects",
+    metadata,
+    Column("alert_id", NAME, primary_key=True),
+    Column("site", NAME, nullable=False),
+    Column("object", NAME, nullable=False),
+)
+"""The site, and the object if it is about one, of each alert about a site."""
+
 UNRESOLVED: Final[ColumnElement[bool]] = alerts.c.state != literal_column("'resolved'")
 """The condition for unresolved alerts; without a parameter, so that databases use the index."""
 

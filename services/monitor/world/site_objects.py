@@ -186,8 +186,8 @@ class SiteObjects:
         self.version += 1
         self._move(object_id, self.objects.pop(object_id, None), None)
 
-    def near(self, name: str, x: float, y: float, than_m: float) -> tuple[str, float] | None:
-        """Return the id of the nearest object of a class that is nearer than that, and how far it is in metres."""
+    def near(self, name: str, x: float, y: float, than_m: float) -> list[tuple[float, str]]:
+        """Return how far each object of a class that is nearer than that is, in metres, and its id; nearest first."""
         low, high = _cell(name, x - than_m, y - than_m), _cell(name, x + than_m, y + than_m)
         found = [
             ((at[0] - x) ** 2 + (at[1] - y) ** 2, each)
@@ -195,9 +195,7 @@ class SiteObjects:
             for up in range(low[2], high[2] + 1)
             for each, at in self._cells.get((name, across, up), NOTHING).items()
         ]
-        square, nearest = min(found, default=(math.inf, ""))
-        distance_m = math.sqrt(square)
-        return (nearest, distance_m) if distance_m < than_m else None
+        return [(math.sqrt(square), each) for square, each in sorted(found) if square < than_m**2]
 
     def _note(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
         of = now or before

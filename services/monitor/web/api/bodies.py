@@ -19,6 +19,7 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.state import Act
 from services.monitor.history.world_history import ObjectEvent, StockLevel
 from services.monitor.inventory.inventory import Entry
+from services.monitor.map.footprints import address_of_id
 from services.monitor.map.sites import KnownSite
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
 from services.monitor.web.api.models import (
@@ -135,6 +136,7 @@ def alert_answer(alert: Alert, acts: tuple[Act, ...], known_until_ns: int | None
     return answer_of(
         AlertAnswer,
         alert,
+        link=address_of_id(alert.site, alert.object) if alert.object else "",
         raised=moment(alert.raised_ns),
         changed=moment(alert.changed_ns),
         known_until=None if known_until_ns is None else moment(known_until_ns),

@@ -123,6 +123,7 @@ class AlertAnswer(Part):
 
     known_until: when its camera was heard last, if its robot is gone or its camera silent, so that nobody knows whether
     what it says is still so; None while that is known, of alerts about silence itself, and of resolved ones.
+    site, object: that it is about, empty where there is none. link: the path of the object's page.
     """
 
     id: str
@@ -132,6 +133,9 @@ class AlertAnswer(Part):
     robot: str
     camera: str
     name: str = Field(serialization_alias="class")
+    site: str
+    object: str
+    link: str
     text: str
     raised: datetime
     changed: datetime

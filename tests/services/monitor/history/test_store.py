@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from sqlalchemy import inspect, update
 from sqlalchemy.schema import DropIndex, DropTable
 
@@ -21,6 +22,7 @@ from services.monitor.history.presence import Presence
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 from services.monitor.history.tables import (
+    alert_objects,
     clock_doubt,
     disagreements,
     intervals,
@@ -116,7 +118,7 @@ async def test_a_database_without_what_came_later_is_read_and_then_completed(url
     async with opened(url) as store:
         await store.write([interval(1, 2)], [alert()], 2 * S)
         async with store._connection.begin():
-            for table in (clock_doubt, webhook_backlog, stock, object_events):
+            for table in (clock_doubt, webhook_backlog, stock, object_events, alert_objects):
                 await store._connection.execute(DropTable(table))
             await store._connection.execute(DropIndex(open_alerts))
     assert await Archive(url).alerts(HistoryQuery(), 9, states=[AlertState.RAISED]) == [alert()]
@@ -140,6 +142,26 @@ async def test_of_each_class_that_ended_the_last_interval_is_known_and_of_each_p
         assert sorted((await store.load(0)).intervals, key=last.index) == last
         assert (await store.load(5 * S)).intervals == [last[2], last[0]]
         assert await store.last_present() == {**dict.fromkeys(places, 4 * S), ("r9", "c"): 20 * S}
+
+
+async def test_an_alert_s_site_and_object_are_kept_with_it_and_deleted_with_it(url: str) -> None:
+    of_site = replace(alert(), id="s", site="hall", state=AlertState.RAISED)
+    of_object = replace(of_site, id="o", object="a\0b", changed_ns=5 * S)
+    kept = replace(of_object, object="a\N{SYMBOL FOR NULL}b")
+    async with opened(url) as store:
+        await store.write([], [alert(), of_site, of_object], 9 * S)
+        await store.owe([("ops", of_object)], [])
+        state = await store.load(0)
+        assert sorted(state.alerts, key=lambda each: each.id) == [alert(), kept, of_site]
+        assert state.owed == [("ops", kept)]
+        found = await Archive(url).alerts(HistoryQuery(), 9)
+        assert {(each.id, each.site, each.object) for each in found} == {
+            ("a1", "", ""), ("s", "hall", ""), ("o", "hall", kept.object)
+        }  # fmt: skip
+        await store.write([], [replace(of_object, state=AlertState.RESOLVED)], 9 * S)
+        assert await store.prune(99 * S)
+        left = (await store._connection.execute(alert_objects.select())).all()
+        assert [row.alert_id for row in left] == ["s"]
 
 
 async def test_where_robots_were_last_is_kept(url: str) -> None:
