@@ -1,5 +1,6 @@
 """The map page: robots' poses and the last places of objects."""
 
+import asyncio
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -50,6 +51,9 @@ def floor_plan_route(plan: FloorPlan) -> Route:
 
 REFRESH_S: Final = 1.0
 
+REDRAW_S: Final = 2.0
+"""How often the objects of a site that change all the time are drawn again."""
+
 AGING_S: Final = 10
 """How often objects are drawn again because they are older by now."""
 
@@ -68,9 +72,9 @@ def add_map(monitor: Monitor, views: LiveViews) -> None:
             visibility = PageVisibility()
         while await visibility.begins():
             async with HeldRobots(views.robots) as held:
-                shown.refresh(await held.keep(shown.robots()), held.crowded)
+                await shown.refresh(await held.keep(shown.robots()), held.crowded)
                 while not await visibility.ends(REFRESH_S):
-                    shown.refresh(await held.keep(shown.robots()), held.crowded)
+                    await shown.refresh(await held.keep(shown.robots()), held.crowded)
 
 
 class _Map:
@@ -89,7 +93,9 @@ class _Map:
         self._join = endpoint_to_join(monitor.settings)
         self._bounds: Bounds | None = None
         self._placed = False
-        self._made: object = None
+        self._made: tuple[object, ...] = ()
+        self._drawn: tuple[object, ...] = ()
+        self._next_s = 0.0
         self._shown = ShownSite()
         self._objects: tuple[list[DrawnObject], int] = [], 0
         self._here: set[str] = set()
@@ -144,7 +150,7 @@ class _Map:
     def _forget_bounds(self) -> None:
         self._bounds = None
 
-    def refresh(self, whereabouts: Mapping[str, Whereabouts], crowded: str) -> None:
+    async def refresh(self, whereabouts: Mapping[str, Whereabouts], crowded: str) -> None:
         """Draw the current state."""
         now_ns, fleet = time.time_ns(), self._monitor.fleet
         poses = {name: where.pose() for name, where in whereabouts.items()}
@@ -158,11 +164,11 @@ class _Map:
         seen = self._shown.objects is None
         marks = fleet.places.marks(now_ns, robot=self._robot.value)[:MOST_SHOWN] if seen else []
         marks = [mark for mark in marks if self._class.value in ("", mark.name)]
-        self._take_objects(marks, now_ns)
+        await self._take_objects(marks, now_ns)
         zones = [each for each in fleet.world.zones(fleet.sites, now_ns) if self._shown.name in ("", each.zone.site)]
         self._bound(marks, robots, zones)
         if self._bounds is not None:
-            self._draw_ground(self._bounds, zones)
+            await self._draw_ground(self._bounds, zones)
             self._over.set_content(svg_of(self._bounds, marks, robots, now_ns))
         self._explain(marks, now_ns)
         self._notice.set_text(self._shown.notice)
@@ -174,8 +180,8 @@ class _Map:
         left_out = f"and {plural(more, 'robot')} more: choose one above" if more > 0 else ""
         self._missing.set_text("; ".join(filter(None, [*without[:5], crowded, left_out])))
 
-    def _take_objects(self, marks: Sequence[MapObject], now_ns: int) -> None:
-        """Choose the objects to draw, unless nothing can have changed."""
+    async def _take_objects(self, marks: Sequence[MapObject], now_ns: int) -> None:
+        """Choose the objects to draw, unless nothing can have changed; in another thread, as there may be thousands."""
         site = self._shown.objects
         counts = {} if site is None else site.count(SITE)
         names = {mark.name for mark in marks} if site is None else {name for name, count in counts.items() if count}
@@ -188,11 +194,12 @@ class _Map:
             self._robot.value,
             now_ns // (AGING_S * NS),
         )
-        if made == self._made:
+        if made == self._made or (_but_version(made) == _but_version(self._made) and time.monotonic() < self._next_s):
             return
-        self._made = made
-        self._objects = newest_of(
-            [] if site is None else site.objects.values(),
+        self._made, self._next_s = made, time.monotonic() + REDRAW_S
+        self._objects = await asyncio.to_thread(
+            newest_of,
+            [] if site is None else list(site.objects.values()),
             now_ns,
             name=self._class.value,
             robot=self._robot.value,
@@ -210,9 +217,14 @@ class _Map:
         self._empty.set_visibility(not self._placed)
         self._picture.set_visibility(self._bounds is not None)
 
-    def _draw_ground(self, bounds: Bounds, zones: Sequence[ZoneCount]) -> None:
-        drawn = ground_of(bounds, self._plan, zones=zones, objects=self._objects[0], chosen=self._chosen)
-        self._ground.set_content(drawn)
+    async def _draw_ground(self, bounds: Bounds, zones: Sequence[ZoneCount]) -> None:
+        drawn = (self._made, bounds, [(each.current, dict(each.objects)) for each in zones])
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        objects, chosen = self._objects[0], self._chosen
+        svg = await asyncio.to_thread(ground_of, bounds, self._plan, zones=zones, objects=objects, chosen=chosen)
+        self._ground.set_content(svg)
 
     def _explain(self, marks: Sequence[MapObject], now_ns: int) -> None:
         if self._shown.objects is not None:
@@ -240,6 +252,10 @@ def _offer(field: ui.select, every: str, names: Sequence[str]) -> None:
         known[field.value] = field.value
     if known != field.options:
         field.set_options(known)
+
+
+def _but_version(made: tuple[object, ...]) -> tuple[object, ...]:
+    return made[:1] + made[2:]
 
 
 def rest_row(more: int) -> str:
