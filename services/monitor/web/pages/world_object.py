@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 from html import escape
 from typing import Final
+from urllib.parse import urlencode
 
 from nicegui import ui
 
@@ -31,6 +32,9 @@ PATH: Final = "/world/{site}/{object_id:path}"
 REFRESH_S: Final = 1.0
 EVENTS_S: Final = 5.0
 MOST_EVENTS: Final = 100
+MOST_CHARACTERS: Final = 100
+"""Of the names in an address; those of sites and objects are shorter."""
+
 AGAIN_S: Final = 3.0
 """Seconds after which an interrupted picture is requested again."""
 
@@ -42,9 +46,9 @@ def add_world_object(monitor: Monitor, views: LiveViews) -> None:
 
     @page_at(PATH)
     async def object_page(site: str, object_id: str) -> None:
-        async with page_frame(monitor, f"Object {object_id} of {site}", MAP):
+        async with page_frame(monitor, f"Object {object_id[:MOST_CHARACTERS]} of {site[:MOST_CHARACTERS]}", MAP):
             ui.add_css(VIEW_STYLE)
-            shown = _ObjectPage(monitor, views, site, object_id)
+            shown = _ObjectPage(monitor, views, site[:MOST_CHARACTERS], object_id[:MOST_CHARACTERS])
             await shown.refresh()
             visibility = PageVisibility()
         while await visibility.begins():
@@ -113,9 +117,8 @@ class _ObjectPage:
             if fresh is not None:
                 of, cameras = fresh.of, cameras_in_view(fresh.of, fresh.now_ns)
         self._title.set_text(f"{of.name} {of.id}")
-        self._map.set_content(
-            f'<a class="fs-link" href="/map?site={self._site}&amp;object={escape(of.id)}">On the map</a>'
-        )
+        place = escape(f"/map?{urlencode({'site': of.site, 'object': of.id})}")
+        self._map.set_content(f'<a class="fs-link" href="{place}">On the map</a>')
         self._notice.set_text(shown.notice)
         self._notice.set_visibility(bool(shown.notice))
         self._facts.set_content(object_facts(of, placed.zones, now_ns))
