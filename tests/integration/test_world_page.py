@@ -6,7 +6,9 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from time import time_ns
 
+import msgspec
 import pytest
 import pytest_asyncio
 from playwright.async_api import Browser, Locator, expect
@@ -14,7 +16,7 @@ from playwright.async_api import Browser, Locator, expect
 from bus import QoS
 from schemas import codec
 from schemas.worker_keys import WorldStream, world_key
-from schemas.world import SiteStatus, WorldChanges, WorldObject
+from schemas.world import ChangeKind, SiteStatus, WorldChange, WorldChanges, WorldObject
 from services.monitor.fleet import Fleet
 from services.monitor.map.footprints import footprint
 from services.monitor.monitor import Monitor
@@ -197,6 +199,14 @@ async def test_an_unknown_object_and_an_unknown_site_are_answered_clearly(site: 
         page = await looker.go(f"/world/{SITE}/zz99")
         await expect(page.get_by_text("There is no such object")).to_be_visible()
         await expect(page.get_by_text(f"Site {SITE} has no object zz99")).to_be_visible()
+        other = site.objects()[-1]
+        merged = msgspec.structs.replace(other, id="mm")
+        change = WorldChange(kind=ChangeKind.MERGED, at_ns=time_ns(), object=merged, into=other.id)
+        site.monitor.fleet.world.sites[SITE]._events.append(change)
+        await looker.go(f"/world/{SITE}/mm")
+        await expect(page.get_by_text(f"It turned out to be {other.id}")).to_be_visible()
+        await page.locator(".fs-empty").get_by_role("link", name=other.id).click()
+        await expect(page.get_by_text(f"box {other.id}", exact=True)).to_be_visible()
         await looker.go("/world/nowhere/1")
         await expect(page.get_by_text(f"Known sites: {SITE}.")).to_be_visible()
         html = "<b onclick=x>"
