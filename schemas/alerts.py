@@ -34,7 +34,9 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
     """The current state of an alert; sent again with the same id and a later changed_ns on each change.
 
     rule: the rule that raised it. robot, camera, name: the robot, the camera and the class of objects it is about; each
-    is empty where there is none. Alerts without a robot are about a zone, and are not sent to robots. text: for people.
+    is empty where there is none. Alerts without a robot are about a site, and are not sent to robots. text: for people.
+    site, object: the site, and the id of the one object of it, that it is about; empty where there is none.
+    link: the address of the object's page, without a host where the monitor does not know its own (`--web-url`).
     raised_ns, changed_ns: nanoseconds since the epoch on the monitor's system clock.
     """
 
@@ -45,6 +47,9 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
     robot: MaybeName
     camera: MaybeName = ""
     name: Label = ""
+    site: MaybeName = ""
+    object: Annotated[str, msgspec.Meta(max_length=64)] = ""
+    link: Annotated[str, msgspec.Meta(max_length=MAX_TEXT)] = ""
     text: Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
     raised_ns: Nanoseconds
     changed_ns: Nanoseconds

@@ -108,13 +108,17 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     rules = RuleFile(settings.rules)
     await rules.load()
     plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
-    if settings.zones is not None:
-        fleet.world = World(await asyncio.to_thread(load_zones, settings.zones))
+    zones = () if settings.zones is None else await asyncio.to_thread(load_zones, settings.zones)
+    fleet.world = World(zones, on=settings.follows_world)
     health = Health(bus, hub=settings.mode != "client", settings=settings)
     heartbeat = Heartbeat(health.heard_s, settings.lease_s)
     conditions = WorldConditions(fleet.world, fleet.sites, fleet.places.poses)
-    alerting = Alerting(rules, fleet.inventory, heartbeat, conditions=conditions, robot_ns=fleet.clocks.robot_ns)
-    history = HistoryKeeper(settings, fleet.inventory, alerting.lead, fleet.places, alerting)
+    page = "" if settings.web_url is None else str(settings.web_url).rstrip("/")
+    robot_ns = fleet.clocks.robot_ns
+    alerting = Alerting(rules, fleet.inventory, heartbeat, conditions=conditions, robot_ns=robot_ns, page=page)
+    history = HistoryKeeper(
+        settings, fleet.inventory, alerting.lead, fleet.places, alerting, world=(fleet.world, fleet.sites)
+    )
     monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan)
 
     def told(changes: Sequence[Change]) -> None:
@@ -164,8 +168,9 @@ async def watch_fleet(
         keys.every_stream(Stream.DISTANCES): lambda sample: measured(_distances(fleet, sample)),
         keys.EVERY_GATEWAY_STATUS: lambda sample: _gateway_status(fleet, sample),
         worker_keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
-        worker_keys.EVERY_WORLD_STATUS: lambda sample: _site_status(fleet, sample),
     }
+    if fleet.world.on:
+        streams[worker_keys.EVERY_WORLD_STATUS] = lambda sample: _site_status(fleet, sample)
     cameras = keys.every_stream_alive(Stream.COLOR)
     async with answer_inventory(bus, fleet, problems), asyncio.TaskGroup() as group:
         class_lists = keys.every_stream(Stream.CLASSES)

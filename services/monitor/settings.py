@@ -95,9 +95,6 @@ class WebSettings(BaseModel):
     floor_plan: RegularFile | None = Field(
         default=None, description="floor plan to draw the map on: YAML file of a map in the format of ROS's map_server"
     )
-    zones: RegularFile | None = Field(
-        default=None, description="YAML file of zones, areas of a site's map in which objects are counted"
-    )
     web_session_hours: float = Field(
         default=168, gt=0, le=8_760, description="hours of inactivity after which a user is logged out"
     )
@@ -125,7 +122,35 @@ class WebSettings(BaseModel):
         return self
 
 
-class MonitorSettings(WebSettings, AlertingSettings, InventorySettings, HistorySettings, BusSettings):
+class FollowedWorldSettings(BaseModel):
+    """Settings of what the monitor takes of the world models."""
+
+    heading: ClassVar = "world models"
+
+    world: Literal["on", "off"] = Field(
+        default="on",
+        description="follow the sites of the world models; off: nothing of theirs is subscribed, and the page shows"
+        " what cameras have in view alone",
+    )
+    zones: RegularFile | None = Field(
+        default=None, description="YAML file of zones, areas of a site's map in which objects are counted"
+    )
+
+    @property
+    def follows_world(self) -> bool:
+        """Whether the sites of world models are followed."""
+        return self.world == "on"
+
+    @model_validator(mode="after")
+    def _zones_need_the_world(self) -> Self:
+        if self.zones is not None and not self.follows_world:
+            raise ValueError("zones count the objects of world models: leave out --zones, or set --world on")
+        return self
+
+
+class MonitorSettings(
+    WebSettings, AlertingSettings, FollowedWorldSettings, InventorySettings, HistorySettings, BusSettings
+):
     """Show the objects seen by every robot of the fleet. It includes the fleet's Zenoh router by default."""
 
     mode: Annotated[

@@ -24,7 +24,7 @@ from services.monitor.liveness import SETTLE_NS, Heartbeat
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
 from services.monitor.rules.findings import CameraState
 from services.monitor.rules.model import PLACEHOLDERS, RobotAction, WorldRule
-from services.monitor.rules.subjects import Effect, UnknownAlertError
+from services.monitor.rules.subjects import Effect, UnknownAlertError, linked
 from services.monitor.world.conditions import WorldConditions
 
 TICK_S: Final = 0.1
@@ -42,6 +42,7 @@ class Alerting:
     """Raises alerts by rules, delivers them, and applies operators' actions to them.
 
     robot_ns: returns the reading of a robot's clock at a time of ours, 0 if it is unknown.
+    page: where browsers find the monitor's pages, for links in alerts; empty if that is not known.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class Alerting:
         settle_s: float = SETTLE_NS / NS,
         offer_s: float = OFFER_S,
         conditions: WorldConditions | None = None,
+        page: str = "",
         most_subjects: int = MAX_SUBJECTS,
     ) -> None:
         self._rules = rules
@@ -65,6 +67,7 @@ class Alerting:
         self._offered_s = time.monotonic()
         self._most_subjects = most_subjects
         self._conditions = conditions
+        self._page = page
         self._engine: RuleEngine | None = None
         self._robots: set[str] = set()
         self._news = inventory.follow()
@@ -82,16 +85,18 @@ class Alerting:
         acts: what people did with these.
         """
         if self._engine is None:
-            self._engine = RuleEngine(self._rules.book, lambda: uuid4().hex, most=self._most_subjects)
+            self._engine = RuleEngine(self._rules.book, lambda: uuid4().hex, most=self._most_subjects, page=self._page)
         escalated = {act.alert_id for act in acts if act.state is AlertState.ESCALATED}
         self._engine.restore(alerts, time.time_ns(), escalated)
         self._begin_anew()
+        if self._conditions is not None:
+            self._conditions.adopt(self._engine.alerts())
 
     def owe(self, alerts: Iterable[tuple[str, Alert]]) -> None:
         """Queue alerts that webhooks, by name, did not accept before a restart."""
         waiting: dict[str, list[Alert]] = {}
         for name, alert in alerts:
-            waiting.setdefault(name, []).append(alert)
+            waiting.setdefault(name, []).append(linked(alert, self._page))
         webhooks = self._rules.book.webhooks
         for name in waiting.keys() & webhooks.keys():
             self._webhooks.owe(name, webhooks[name], waiting[name])
@@ -128,7 +133,8 @@ class Alerting:
             if self._heartbeat.deaf
             else []
         )
-        return [*waits, *self._webhooks.problems(self._rules.book.webhooks)]
+        too_many = [] if self._conditions is None else list(self._conditions.problems())
+        return [*waits, *too_many, *self._webhooks.problems(self._rules.book.webhooks)]
 
     def posts(self) -> Mapping[tuple[str, Outcome], int]:
         """Return the number of webhook alerts by webhook name and outcome."""

@@ -15,6 +15,7 @@ from sqlalchemy import (
     cast,
     false,
     func,
+    inspect,
     or_,
     select,
     text,
@@ -23,15 +24,35 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from schemas.alerts import Alert, AlertState
-from services.monitor.history.counting import Counts, count_over_time, in_view, nothing_counted, spoken_for
+from services.monitor.history.counting import (
+    Counts,
+    count_over_time,
+    in_stock,
+    in_view,
+    nothing_counted,
+    spoken_for,
+    stock_known,
+)
 from services.monitor.history.engine import CASEFOLD, engine_of, translating
 from services.monitor.history.intervals import Interval
 from services.monitor.history.opening import connect
-from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row
+from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row, select_alerts
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import Act, HistoryError
-from services.monitor.history.tables import UNRESOLVED, acts, alerts, heartbeat, intervals, lasted
+from services.monitor.history.tables import (
+    UNRESOLVED,
+    acts,
+    alert_objects,
+    alerts,
+    heartbeat,
+    intervals,
+    lasted,
+    object_events,
+    stock,
+)
+from services.monitor.history.world_history import ObjectEvent, StockLevel
 from services.monitor.inventory.sighting import NS
+from services.monitor.world.site_objects import SITE
 
 ANY_LETTER: Final = "und-x-icu"
 """A collation of PostgreSQL's that knows the letters of all alphabets, whatever the database's own is."""
@@ -118,6 +139,33 @@ class HistoryQuery:
         return NOWHERE in self.robot + self.camera + self.name
 
 
+EventCursor = tuple[int, str, str, str]
+"""until_ns, site, object and kind of an event: where a page ended."""
+
+StockCursor = tuple[int, str, str, str]
+"""since_ns, site, zone and class of a stock level: where a page ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorldQuery:
+    """A query about sites between two times (epoch nanoseconds), of one site, object, class or zone if named.
+
+    zone: None for every zone and whole sites, SITE for whole sites alone.
+    """
+
+    since_ns: int = 0
+    until_ns: int = 2**63 - 1
+    site: str = ""
+    object: str = ""
+    name: str = ""
+    zone: str | None = None
+
+    @property
+    def is_nowhere(self) -> bool:
+        """Whether it is about names that no database can have."""
+        return NOWHERE in self.site + self.object + self.name + (self.zone or "")
+
+
 class Archive:
     """Reads the database of the history. Every method raises HistoryError if it is absent or cannot be read."""
 
@@ -168,15 +216,58 @@ class Archive:
         """Return the alerts that changed last, in one of the states if any are named."""
         if asked.is_nowhere:
             return []
-        query = alerts.select().where(
-            *_named(asked, alerts), alerts.c.raised_ns <= asked.until_ns, alerts.c.changed_ns >= asked.since_ns
-        )
-        if states:
-            query = query.where(alerts.c.state.in_(states))
-        if states and AlertState.RESOLVED not in states:
-            query = query.where(UNRESOLVED)  # which has an index
-        rows = await self._read(_page(query, (alerts.c.changed_ns, alerts.c.id), limit, after))
+        async with self._connected() as connection:
+            query = select_alerts() if await _has(connection, alert_objects) else alerts.select()
+            query = query.where(
+                *_named(asked, alerts), alerts.c.raised_ns <= asked.until_ns, alerts.c.changed_ns >= asked.since_ns
+            )
+            if states:
+                query = query.where(alerts.c.state.in_(states))
+            if states and AlertState.RESOLVED not in states:
+                query = query.where(UNRESOLVED)  # which has an index
+            query = _page(query, (alerts.c.changed_ns, alerts.c.id), limit, after)
+            rows = (await connection.execute(query)).all()
         return [alert_of_row(row) for row in rows]
+
+    async def object_events(self, asked: WorldQuery, limit: int, after: EventCursor | None = None) -> list[ObjectEvent]:
+        """Return what became of objects, the newest first; after the place where another page ended."""
+        if asked.is_nowhere:
+            return []
+        of = object_events.c
+        given = {of.site: asked.site, of.object: asked.object, of.name: asked.name}
+        where = [column == value for column, value in given.items() if value]
+        query = object_events.select().where(*where, of.until_ns >= asked.since_ns, of.since_ns <= asked.until_ns)
+        query = _page(query, (of.until_ns, of.site, of.object, of.kind), limit, after)
+        return [lasting_of_row(ObjectEvent, row) for row in await self._read_later(object_events, query)]
+
+    async def stock(self, asked: WorldQuery, limit: int, after: StockCursor | None = None) -> list[StockLevel]:
+        """Return the newest stock levels, those that began last first; after the place where another page ended."""
+        if asked.is_nowhere:
+            return []
+        of = stock.c
+        given = {of.site: asked.site, of.name: asked.name}
+        where = [column == value for column, value in given.items() if value]
+        where += [] if asked.zone is None else [of.zone == asked.zone]
+        query = stock.select().where(*where, lasted(stock, asked.since_ns), of.since_ns <= asked.until_ns)
+        query = _page(query, (of.since_ns, of.site, of.zone, of.name), limit, after)
+        async with self._connected() as connection:
+            at_ns = await _heartbeat_ns(connection)
+        return [lasting_of_row(StockLevel, row, at_ns) for row in await self._read_later(stock, query)]
+
+    async def stock_counts(self, asked: WorldQuery) -> Counts:
+        """Return how many objects a zone held over the time that is asked for, by class."""
+        zone = asked.zone or SITE
+        async with self._connected() as connection:
+            if asked.is_nowhere or not await _has(connection, stock):
+                return nothing_counted(asked.since_ns, asked.until_ns)
+            if connection.dialect.name == "postgresql":  # its compiler takes longer than the query
+                await connection.exec_driver_sql("SET LOCAL jit = off")
+            at_ns = await _heartbeat_ns(connection)
+            until_ns = asked.until_ns if at_ns + HEARD_NS >= asked.until_ns else at_ns
+            classes = {"name": asked.name} if asked.name else {}
+            counted = in_stock({"site": asked.site, "zone": zone, **classes}, until_ns)
+            known = stock_known(asked.site, zone, until_ns)
+            return await count_over_time(connection, counted, known, asked.since_ns, asked.until_ns)
 
     async def acts(self, alert_ids: Sequence[str]) -> list[Act]:
         """Return the operators' actions on some alerts, in order."""
@@ -189,6 +280,14 @@ class Archive:
             rows: Sequence[Any] = (await connection.execute(query)).all()
         return rows
 
+    async def _read_later(self, table: Table, query: Select[Any]) -> Sequence[Any]:
+        """Read a table that came later; empty where no monitor that knows it has written to the database yet."""
+        async with self._connected() as connection:
+            rows: Sequence[Any] = ()
+            if await _has(connection, table):
+                rows = (await connection.execute(query)).all()
+        return rows
+
     @asynccontextmanager
     async def _connected(self) -> AsyncIterator[AsyncConnection]:
         if self._url == NONE:
@@ -199,6 +298,11 @@ class Archive:
                 yield connection
             finally:
                 await connection.close()
+
+
+async def _has(connection: AsyncConnection, table: Table) -> bool:
+    """Whether a database has a table that came later."""
+    return await connection.run_sync(lambda of: inspect(of).has_table(table.name))
 
 
 async def _heartbeat_ns(connection: AsyncConnection) -> int:

@@ -29,7 +29,8 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from services.monitor.history.rows import places_of
-from services.monitor.history.tables import intervals, lasted, presence
+from services.monitor.history.tables import intervals, lasted, presence, stock
+from services.monitor.history.world_history import ALL_CLASSES
 
 SLOTS: Final = 360
 FEWEST_SLOTS: Final = 12
@@ -77,6 +78,7 @@ class Counted:
     """Rows to count, each for `count` of a class `name`, and the time until which open rows last.
 
     places: columns of the primary key, and what is in them. where: what else is so of the rows.
+    named: columns of the primary key that are not empty.
     """
 
     table: Table
@@ -85,6 +87,7 @@ class Counted:
     places: Mapping[str, str]
     where: Where
     open_until_ns: int
+    named: Sequence[str] = ("robot", "camera")  # robots, and monitors, are present too
 
     def at(self, since_ns: int, until_ns: int) -> FromClause:
         """Return the rows of the places that may have lasted at a time between two, found by the primary key.
@@ -101,7 +104,7 @@ class Counted:
     def here(self, of: FromClause) -> list[ColumnElement[bool]]:
         """Return the condition that restricts a query to places, without their index: the index of times is better."""
         found = [of.c[column].concat("") == value for column, value in self.places.items()]
-        return [*found, of.c.robot != "", of.c.camera != ""]  # robots, and monitors, are present too
+        return [*found, *(of.c[column] != "" for column in self.named)]
 
 
 def in_view(places: Mapping[str, str], where: Where, open_until_ns: int) -> Counted:
@@ -114,6 +117,17 @@ def spoken_for(places: Mapping[str, str], open_until_ns: int) -> Counted:
     return Counted(presence, "", literal(1), places, (), open_until_ns)
 
 
+def in_stock(places: Mapping[str, str], open_until_ns: int) -> Counted:
+    """Return the stock levels of a zone, counted by class. places: the site, the zone, and a class if it is one."""
+    return Counted(stock, "name", stock.c.count, places, (), open_until_ns, ("site", "name"))
+
+
+def stock_known(site: str, zone: str, open_until_ns: int) -> Counted:
+    """Return the times when the stock of a zone was known, counted without a class."""
+    places = {"site": site, "zone": zone, "name": ALL_CLASSES}
+    return Counted(stock, "", literal(1), places, (), open_until_ns, ("site",))
+
+
 def nothing_counted(since_ns: int, until_ns: int) -> Counts:
     """Return the counts of a camera that there is not."""
     return Counts(_slots(since_ns, until_ns, SLOTS), {}, frozenset())
@@ -122,7 +136,7 @@ def nothing_counted(since_ns: int, until_ns: int) -> Counts:
 async def count_over_time(
     connection: AsyncConnection, seen: Counted, spoken: Counted, since_ns: int, until_ns: int
 ) -> Counts:
-    """Count objects in view between two times, and find when any camera was live."""
+    """Count objects between two times, and find when it is known how many there were."""
     both, slots = (seen, spoken), _slots(since_ns, until_ns, SLOTS)
     exactly = [await _rows(connection, each, slots) for each in both]
     looked_at = [each for each, rows in zip(both, exactly, strict=True) if rows is None]

@@ -19,7 +19,7 @@ from services.monitor.history.row_maintenance import compact
 from services.monitor.history.settings import ExportSettings
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
-from services.monitor.history.tables import alerts, heartbeat, intervals
+from services.monitor.history.tables import alerts, heartbeat, intervals, object_events, stock
 
 TIME: Final = "_ns"
 """Suffix of nanosecond time columns; exported ones drop it and are UTC to the microsecond."""
@@ -76,6 +76,13 @@ def write_parquet(source: Path, target: Path, table: Table) -> None:
     rows.with_columns(*times, *flags).sink_parquet(target)
 
 
+EXPORTED: Final[Mapping[str, Table]] = {
+    "sightings": intervals,
+    "alerts": alerts,
+    "stock": stock,
+    "events": object_events,
+}
+
 ROWS: Final = 100
 """Rows held in memory and written at a time; an exporting monitor processes class lists in between."""
 
@@ -109,7 +116,7 @@ async def export(settings: ExportSettings) -> int:
     """
     assert settings.to is not None, "settings without a file are refused"  # noqa: S101 - for the type
     engine = engine_of(settings.history)
-    table = intervals if settings.what == "sightings" else alerts
+    table = EXPORTED[settings.what]
     try:
         async with translating(LONG_S):
             return await _write(engine, settings, settings.to, table)
@@ -161,11 +168,13 @@ def query_of(settings: ExportSettings, table: Table) -> Select[Any]:
         begins, ends = alerts.c.raised_ns, alerts.c.changed_ns
     else:
         now_ns = select(heartbeat.c.at_ns).scalar_subquery()
-        goes_on = intervals.c.open & (now_ns > intervals.c.until_ns)
-        begins, ends = intervals.c.since_ns, case((goes_on, now_ns), else_=intervals.c.until_ns).label("until_ns")
+        goes_on = table.c.open & (now_ns > table.c.until_ns)
+        begins, ends = table.c.since_ns, case((goes_on, now_ns), else_=table.c.until_ns).label("until_ns")
         columns = [ends if column.name == "until_ns" else column for column in columns]
     where: list[ColumnElement[bool]] = [
-        table.c[name] == getattr(settings, name) for name in ("robot", "camera", "name") if getattr(settings, name)
+        table.c[name] == getattr(settings, name)
+        for name in ("robot", "camera", "name", "site", "zone")
+        if getattr(settings, name)
     ]
     if settings.since is not None:
         where.append(ends >= epoch_ns(settings.since))

@@ -3,9 +3,7 @@
 import asyncio
 import logging
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from collections.abc import Set as AbstractSet
 from itertools import chain
 from typing import Final
 
@@ -14,26 +12,28 @@ from services.monitor.event_loop import in_turns, uninterrupted
 from services.monitor.history.clock_trust import Correction
 from services.monitor.history.engine import translating
 from services.monitor.history.intervals import Disagreements, PauseTracker, Sightings
-from services.monitor.history.ledger import Ledger, StoredInterval
+from services.monitor.history.ledger import Ledger
 from services.monitor.history.presence import RESTORED_NS, WRITE_S, Attendance, KnownPoses, Presence
 from services.monitor.history.settings import NONE, HistorySettings
 from services.monitor.history.state import (
-    MAX_ALERTS,
     Act,
     Acts,
     HistoryError,
     HistoryStatus,
     OtherVersionError,
+    PendingAlerts,
     StoredState,
-    at_other_times,
     resolved,
 )
 from services.monitor.history.store import UNHEARD_S, Store
 from services.monitor.history.upkeep import Upkeep
 from services.monitor.history.webhook_backlog import BacklogWriter, NoBacklog, WebhookBacklog
+from services.monitor.history.world_history import WorldHistory
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.map.last_seen import FORGET_NS, SightingMap
+from services.monitor.map.sites import Sites
+from services.monitor.world.site_objects import World
 
 log = logging.getLogger(__name__)
 
@@ -62,7 +62,8 @@ class HistoryKeeper:
 
     on_lead: is called with the alerts that are not resolved, and what people did with these, whenever this monitor
     becomes the one that raises alerts.
-    owing: posts alerts to webhooks. acts: what people did with alerts lately, and with those that are not resolved.
+    owing: posts alerts to webhooks. world: the sites whose objects it keeps.
+    acts: what people did with alerts lately, and with those that are not resolved.
     """
 
     def __init__(
@@ -72,6 +73,8 @@ class HistoryKeeper:
         on_lead: Callable[[Sequence[Alert], Sequence[Act]], None] = lambda *_: None,
         places: SightingMap | None = None,
         owing: WebhookBacklog | None = None,
+        *,
+        world: tuple[World, Sites] | None = None,
     ) -> None:
         self._settings = settings
         self._inventory = inventory
@@ -80,11 +83,11 @@ class HistoryKeeper:
         self._sightings = Sightings(self._ledger)
         self._attendance = Attendance(inventory, self._ledger)
         self._disagreements = Disagreements(inventory, self._ledger)
+        self._world = WorldHistory(self._ledger, *(world or (World(on=False), Sites())))
         self._poses = KnownPoses(places or SightingMap())
         self._poses_due_s = time.monotonic() + WRITE_S
-        self._alerts: dict[str, Alert] = {}
+        self._alerts = PendingAlerts()
         self.acts = Acts()
-        self._new_acts: deque[Act] = deque(maxlen=MAX_ALERTS)
         self._forgotten: dict[str, int] = {}
         self._heeded_ns = time.time_ns()
         self._pauses = PauseTracker(inventory, self._sightings)
@@ -113,15 +116,13 @@ class HistoryKeeper:
     def alert(self, alert: Alert) -> None:
         """Take a changed alert."""
         if self._settings.history != NONE:
-            self._alerts[alert.id] = alert
-            while len(self._alerts) > MAX_ALERTS:
-                del self._alerts[next(iter(self._alerts))]
+            self._alerts.put(alert)
 
     def act(self, act: Act) -> None:
         """Take an operator's action on an alert."""
         self.acts.take([act])
         if self._settings.history != NONE:
-            self._new_acts.append(act)
+            self._alerts.put_act(act)
 
     def forget(self, robot: str) -> None:
         """Take that a robot was forgotten."""
@@ -184,10 +185,11 @@ class HistoryKeeper:
             await self._end()
 
     async def _watch(self) -> None:
-        """Note presence and disagreements, whether the database is available or not."""
+        """Note presence, disagreements and sites, whether the database is available or not."""
         while True:
             now_ns = time.time_ns()
-            async for _ in in_turns(chain(self._attendance.note(now_ns), self._disagreements.note(now_ns))):
+            noted = (each.note(now_ns) for each in (self._attendance, self._disagreements, self._world))
+            async for _ in in_turns(chain.from_iterable(noted)):
                 pass
             await asyncio.sleep(NOTE_S)
 
@@ -232,12 +234,12 @@ class HistoryKeeper:
         for robot in filter(self._inventory.is_forgotten, forgotten):
             self.forget(robot)  # with a time that is news to others
         await self._write_forgotten(store)
-        changed, acts = dict(self._alerts), set(self._new_acts)
+        changed, acts = self._alerts.snapshot()
         if changed or acts:
             theirs = await store.known_alerts(changed)
             over = [resolved(alert, time.time_ns()) for name, alert in changed.items() if name not in theirs]
             await store.write([], over, None, acts)
-            self._written([], changed, acts)
+            self._alerts.written(changed, acts)
 
     def _heed(self, forgotten: Mapping[str, int]) -> None:
         """Forget the robots that were forgotten at another monitor, or at this one before."""
@@ -284,9 +286,10 @@ class HistoryKeeper:
             await store.write(some)
             self._ledger.written(some)
         owed = self._owed.snapshot()
-        some, changed, acts = self._ledger.pending(BATCH), dict(self._alerts), set(self._new_acts)
+        some, (changed, acts) = self._ledger.pending(BATCH), self._alerts.snapshot()
         await store.write(some, changed.values(), now_ns, acts)
-        self._written(some, changed, acts)
+        self._ledger.written(some)
+        self._alerts.written(changed, acts)
         await self._write_forgotten(store)
         await self._owed.write(store, owed)
         if time.monotonic() >= self._poses_due_s:
@@ -297,8 +300,7 @@ class HistoryKeeper:
         of = correction.corrected
         self._inventory.set_back(now_ns)
         self._ledger.correct(of)
-        self._alerts = {name: at_other_times(alert, of) for name, alert in self._alerts.items()}
-        self._new_acts = deque((act.at_other_time(of) for act in self._new_acts), maxlen=MAX_ALERTS)
+        self._alerts.correct(of)
         self.acts.correct(of)
         self._forgotten = {robot: of(at_ns) for robot, at_ns in self._forgotten.items()}
         self._heeded_ns = of(self._heeded_ns)
@@ -315,11 +317,6 @@ class HistoryKeeper:
         if forgotten := dict(self._forgotten):
             await store.forget(forgotten)
             self._forgotten = dict(self._forgotten.items() - forgotten.items())
-
-    def _written(self, some: Iterable[StoredInterval], changed: dict[str, Alert], acts: AbstractSet[Act]) -> None:
-        self._ledger.written(some)
-        self._alerts = {name: alert for name, alert in self._alerts.items() if changed.get(name) is not alert}
-        self._new_acts = deque((act for act in self._new_acts if act not in acts), maxlen=MAX_ALERTS)
 
     async def _fail(self, error: HistoryError) -> None:
         if str(error) != self._problem:

@@ -15,20 +15,33 @@ from services.monitor.history.engine import file_of, name_of, private_file, tran
 from services.monitor.history.state import HistoryError, OtherVersionError
 from services.monitor.history.tables import (
     SCHEMA_VERSION,
+    alert_objects,
     clock_correction,
     clock_doubt,
     forgotten,
     metadata,
+    object_events,
     open_alerts,
     open_intervals,
     schema_version,
+    stock,
     webhook_backlog,
 )
 
 OURS: Final = f"this one's are version {SCHEMA_VERSION}"
 
 LATER: Final = frozenset(
-    table.name for table in (schema_version, forgotten, clock_doubt, clock_correction, webhook_backlog)
+    table.name
+    for table in (
+        schema_version,
+        forgotten,
+        clock_doubt,
+        clock_correction,
+        webhook_backlog,
+        stock,
+        object_events,
+        alert_objects,
+    )
 )
 """Tables that came later, which who reads does without."""
 

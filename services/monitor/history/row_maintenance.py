@@ -15,6 +15,7 @@ from services.monitor.history.rows import TABLES
 from services.monitor.history.state import HistoryError
 from services.monitor.history.tables import (
     acts,
+    alert_objects,
     alerts,
     clock_correction,
     disagreements,
@@ -22,8 +23,10 @@ from services.monitor.history.tables import (
     heartbeat,
     intervals,
     metadata,
+    object_events,
     poses,
     presence,
+    stock,
     webhook_backlog,
 )
 
@@ -92,6 +95,7 @@ async def _prune_alerts(connection: AsyncConnection, before_ns: int) -> bool:
     last_ns, is_all = await _slice(connection, alerts.c.changed_ns, old, before_ns)
     old &= alerts.c.changed_ns <= last_ns
     await connection.execute(delete(acts).where(acts.c.alert_id.in_(select(alerts.c.id).where(old))))
+    await connection.execute(delete(alert_objects).where(alert_objects.c.alert_id.in_(select(alerts.c.id).where(old))))
     await connection.execute(delete(alerts).where(old))
     is_gone = ~exists().where(alerts.c.id == webhook_backlog.c.alert_id)
     await connection.execute(delete(webhook_backlog).where(is_gone))
@@ -156,6 +160,8 @@ LATEST: Final = {
     intervals: "until_ns",
     presence: "until_ns",
     disagreements: "until_ns",
+    stock: "until_ns",
+    object_events: "until_ns",
     alerts: "changed_ns",
     acts: "at_ns",
     poses: "at_ns",

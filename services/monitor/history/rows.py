@@ -6,7 +6,20 @@ from operator import itemgetter
 from typing import Any, Final, TypeVar
 
 import msgspec
-from sqlalchemy import CTE, BigInteger, Row, ScalarSelect, Select, Table, and_, func, literal, select, tuple_
+from sqlalchemy import (
+    CTE,
+    BigInteger,
+    ColumnElement,
+    Row,
+    ScalarSelect,
+    Select,
+    Table,
+    and_,
+    func,
+    literal,
+    select,
+    tuple_,
+)
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import Dialect
 
@@ -16,7 +29,16 @@ from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.presence import Presence
 from services.monitor.history.state import Act
-from services.monitor.history.tables import disagreements, intervals, presence
+from services.monitor.history.tables import (
+    alert_objects,
+    alerts,
+    disagreements,
+    intervals,
+    object_events,
+    presence,
+    stock,
+)
+from services.monitor.history.world_history import ObjectEvent, StockLevel
 from services.monitor.map.pose import Pose
 
 L = TypeVar("L", bound=StoredInterval)
@@ -25,6 +47,8 @@ TABLES: Final[Mapping[type[StoredInterval], Table]] = {
     Interval: intervals,
     Presence: presence,
     Disagreement: disagreements,
+    StockLevel: stock,
+    ObjectEvent: object_events,
 }
 """Where each kind of intervals is kept; its columns are their fields, and those of a key."""
 
@@ -46,7 +70,9 @@ def lasting_of_row(kind: type[L], row: Row[Any], heartbeat_ns: int = 0) -> L:
     columns = _columns(row)
     if columns["open"]:
         columns["until_ns"] = max(columns["until_ns"], heartbeat_ns)
-    if kind is Presence:
+    if kind in (StockLevel, ObjectEvent):
+        check_name("site", columns["site"])
+    elif kind is Presence:
         for role in ("robot", "camera"):
             if columns[role]:
                 check_name(role, columns[role])
@@ -67,13 +93,27 @@ def pose_of_row(row: Row[Any]) -> tuple[str, Pose]:
 
 
 def row_of_alert(alert: Alert) -> dict[str, Any]:
-    """Return an alert's columns."""
-    return _storable(msgspec.to_builtins(alert))
+    """Return an alert's columns in its table; `alert_objects` has what it is about."""
+    columns = _storable(msgspec.to_builtins(alert))
+    return {name: value for name, value in columns.items() if name in alerts.c}
+
+
+def row_of_alert_object(alert: Alert) -> dict[str, Any]:
+    """Return the columns that say which site and object an alert is about."""
+    return {"alert_id": alert.id, "site": alert.site, "object": storable(alert.object)}
 
 
 def alert_of_row(row: Row[Any]) -> Alert:
-    """Return the alert of a row."""
-    return msgspec.convert(_columns(row), Alert)
+    """Return the alert of a row, with its site and object where these are known."""
+    return msgspec.convert({name: value for name, value in _columns(row).items() if value is not None}, Alert)
+
+
+def select_alerts(*more: ColumnElement[Any]) -> Select[Any]:
+    """Return a query for alerts with their sites and objects, and for more columns."""
+    of = alert_objects.c
+    return select(*alerts.c, of.site, of.object, *more).outerjoin_from(
+        alerts, alert_objects, of.alert_id == alerts.c.id
+    )
 
 
 def row_of_act(act: Act) -> dict[str, Any]:
@@ -121,7 +161,7 @@ FOREVER_NS: Final = 2**63 - 1
 
 
 def places_of(table: Table) -> CTE:
-    """Return the places of a table, without those that name no robot, and one row of nulls.
+    """Return the places of a table, without those whose first name is empty, and one row of nulls.
 
     A place is all of the primary key but since_ns, its end. From each to the next it takes a step in the key's index.
     """
@@ -135,7 +175,7 @@ def places_of(table: Table) -> CTE:
         found = select(later.c[name]).where(tuple_(*order) > tuple_(*last))
         return found.order_by(*order).limit(1).scalar_subquery()
 
-    return at.union_all(select(*map(of_next, names)).where(at.c.robot.is_not(None)))
+    return at.union_all(select(*map(of_next, names)).where(at.c[names[0]].is_not(None)))
 
 
 def newest_of_each(table: Table) -> Select[Any]:
@@ -144,4 +184,4 @@ def newest_of_each(table: Table) -> Select[Any]:
     names = [column.name for column in at.c]
     newest = select(func.max(others.c.since_ns)).where(*(others.c[name] == at.c[name] for name in names))
     here = and_(*(table.c[name] == at.c[name] for name in names), table.c.since_ns == newest.scalar_subquery())
-    return select(table).select_from(at).join(table, here).where(at.c.robot != "")
+    return select(table).select_from(at).join(table, here).where(at.c[names[0]] != "")

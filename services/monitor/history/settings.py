@@ -119,6 +119,9 @@ Moment = Annotated[AwareDatetime | NaiveDatetime, written_like("2026-11-20T06:00
 class ExportSettings(BaseModel):
     """Write sightings (one row per interval of constant count) or alerts from a monitor's history to a file.
 
+    Of the sites of world models it writes stock (one row per interval of a constant number of objects in a zone) or
+    events (what became of objects).
+
     A name that ends in .parquet makes Parquet, which takes fleetsight's extra [parquet]. `backup` copies the whole
     database to a file while the monitor runs; `restore` makes a database of such a file where there is none.
     `trust-clock` says that the clock of the monitor's machine is right, where a monitor doubts it; `compact` makes an
@@ -131,12 +134,16 @@ class ExportSettings(BaseModel):
     history: Annotated[HistoryUrl, Field(description="history database of the monitor")] = Field(
         default_factory=default_url
     )
-    what: Annotated[Literal["sightings", "alerts"], Field(description="what to export")] = "sightings"
+    what: Annotated[Literal["sightings", "alerts", "stock", "events"], Field(description="what to export")] = (
+        "sightings"
+    )
     since: Annotated[Moment | None, Field(description="skip what ended before this time (2026-11-20T06:00)")] = None
     until: Annotated[Moment | None, Field(description="skip what began after this time")] = None
     robot: Annotated[str, Field(description="only this robot")] = ""
     camera: Annotated[str, Field(description="only cameras with this name")] = ""
     name: Annotated[str, Field(alias="class", description="only this class")] = ""
+    site: Annotated[str, Field(description="only this site, of stock and events")] = ""
+    zone: Annotated[str, Field(description="only this zone, of stock")] = ""
 
     bom: Annotated[bool, Field(description="begin CSV with a byte order mark, which Excel needs to read UTF-8")] = False
 
@@ -153,7 +160,17 @@ class ExportSettings(BaseModel):
             raise ValueError(f"{self.task} takes only {takes}, not --{min(given)}")
         return self
 
-    @field_validator("robot", "camera")
+    @model_validator(mode="after")
+    def _narrows_what_it_has(self) -> Self:
+        has = {"stock": {"site", "zone"}, "events": {"site"}}.get(self.what, {"robot", "camera"})
+        wrong = sorted(name for name in {"robot", "camera", "site", "zone"} - has if getattr(self, name))
+        if wrong:
+            raise ValueError(
+                f"{self.what} has no --{wrong[0]}; narrow it down by --{', --'.join(sorted(has))} or --class"
+            )
+        return self
+
+    @field_validator("robot", "camera", "site")
     @classmethod
     def _is_a_name(cls, name: str, info: ValidationInfo) -> str:
         try:

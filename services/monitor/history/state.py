@@ -1,7 +1,8 @@
 """The history's errors and status, the stored state that a monitor starts with, operators' actions. Pure."""
 
-from collections import OrderedDict
-from collections.abc import Callable, Iterable, Sequence
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import Final
 
@@ -95,6 +96,44 @@ def resolved(alert: Alert, now_ns: int) -> Alert:
 def at_other_times(alert: Alert, corrected: Callable[[int], int]) -> Alert:
     """Return an alert with its times corrected."""
     return replace(alert, raised_ns=corrected(alert.raised_ns), changed_ns=corrected(alert.changed_ns))
+
+
+class PendingAlerts:
+    """Alerts in their current state, and actions on them, that are not written yet; the oldest give way to newer ones.
+
+    Its length is the number of alerts.
+    """
+
+    def __init__(self) -> None:
+        self._alerts: dict[str, Alert] = {}
+        self._acts: deque[Act] = deque(maxlen=MAX_ALERTS)
+
+    def __len__(self) -> int:
+        return len(self._alerts)
+
+    def put(self, alert: Alert) -> None:
+        """Take a changed alert."""
+        self._alerts[alert.id] = alert
+        while len(self._alerts) > MAX_ALERTS:
+            del self._alerts[next(iter(self._alerts))]
+
+    def put_act(self, act: Act) -> None:
+        """Take an action."""
+        self._acts.append(act)
+
+    def snapshot(self) -> tuple[dict[str, Alert], set[Act]]:
+        """Return all of it, the alerts by their ids."""
+        return dict(self._alerts), set(self._acts)
+
+    def written(self, alerts: Mapping[str, Alert], acts: AbstractSet[Act]) -> None:
+        """Remove what was written, unless it changed meanwhile."""
+        self._alerts = {name: alert for name, alert in self._alerts.items() if alerts.get(name) is not alert}
+        self._acts = deque((act for act in self._acts if act not in acts), maxlen=MAX_ALERTS)
+
+    def correct(self, corrected: Callable[[int], int]) -> None:
+        """Correct all times."""
+        self._alerts = {name: at_other_times(alert, corrected) for name, alert in self._alerts.items()}
+        self._acts = deque((act.at_other_time(corrected) for act in self._acts), maxlen=MAX_ALERTS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,14 +39,17 @@ from services.monitor.history.rows import (
     pose_of_row,
     row_of_act,
     row_of_alert,
+    row_of_alert_object,
     row_of_lasting,
     row_of_pose,
+    select_alerts,
     upsert_of,
 )
 from services.monitor.history.state import Act, HistoryError, StoredState
 from services.monitor.history.tables import (
     UNRESOLVED,
     acts,
+    alert_objects,
     alerts,
     clock_doubt,
     forgotten,
@@ -135,13 +138,13 @@ class Store:
             last = newest_of_each(intervals).where(intervals.c.open.is_(False), intervals.c.until_ns >= since_ns)
             last = last.order_by(intervals.c.until_ns.desc()).limit(MAX_LOADED)
             ended = [lasting_of_row(Interval, row) for row in await self._connection.execute(last)]
-            unresolved = alerts.select().where(UNRESOLVED).limit(MAX_LOADED)
+            unresolved = select_alerts().where(UNRESOLVED).limit(MAX_LOADED)
             rows = (await self._connection.execute(unresolved)).all()
             found = [alert_of_row(row) for row in rows]
             theirs = acts.select().where(acts.c.alert_id.in_(unresolved.with_only_columns(alerts.c.id)))
             done = (await self._connection.execute(theirs.order_by(acts.c.at_ns).limit(MAX_LOADED))).all()
-            waiting = select(webhook_backlog.c.webhook, *alerts.c).join(
-                alerts, alerts.c.id == webhook_backlog.c.alert_id
+            waiting = select_alerts(webhook_backlog.c.webhook).join(
+                webhook_backlog, alerts.c.id == webhook_backlog.c.alert_id
             )
             waiting = waiting.order_by(alerts.c.changed_ns).limit(MAX_LOADED)
             owed = [(row.webhook, alert_of_row(row)) for row in await self._connection.execute(waiting)]
@@ -237,7 +240,9 @@ class Store:
         async with self._at_hand(), self._connection.begin():
             for kind, those in of_kind.items():
                 await self._put(TABLES[kind], map(row_of_lasting, those))
+            changed = list(changed)
             await self._put(alerts, [row_of_alert(alert) for alert in changed])
+            await self._put(alert_objects, [row_of_alert_object(alert) for alert in changed if alert.site])
             await self._put(acts, [row_of_act(act) for act in done])
             await self._put(heartbeat, [] if at_ns is None else [{"id": 1, "at_ns": at_ns}])
 

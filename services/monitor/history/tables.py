@@ -1,5 +1,6 @@
 """The tables of the history. Times are nanoseconds since the epoch on the monitor's clock."""
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 from sqlalchemy import (
@@ -45,14 +46,19 @@ def _index_of_open(table: Table) -> Index:
     )
 
 
-def _interval_table(name: str, *columns: Column[Any], by_class: bool = True) -> Table:
-    """Return a table of intervals at a camera: each lasts from since_ns to until_ns, and goes on while it is open."""
+AT_CAMERA: Final = {"robot": NAME, "camera": NAME}
+CLASS_AT_CAMERA: Final = {**AT_CAMERA, "name": LABEL}
+
+
+def _interval_table(name: str, place: Mapping[str, String], *columns: Column[Any]) -> Table:
+    """Return a table of intervals at a place: each lasts from since_ns to until_ns, and goes on while it is open.
+
+    place: the columns that name one, the first of which is never empty but for what is of no place.
+    """
     made = Table(
         name,
         metadata,
-        Column("robot", NAME, primary_key=True),
-        Column("camera", NAME, primary_key=True),
-        *([Column("name", LABEL, primary_key=True)] if by_class else []),
+        *(Column(each, kind, primary_key=True) for each, kind in place.items()),
         Column("since_ns", BigInteger, primary_key=True),
         Column("until_ns", BigInteger, nullable=False),
         Column("open", Boolean, nullable=False),
@@ -70,6 +76,7 @@ def lasted(table: Table, since_ns: int) -> ColumnElement[bool]:
 
 intervals: Final = _interval_table(
     "intervals",
+    CLASS_AT_CAMERA,
     Column("count", BigInteger, nullable=False),
     Column("score", Float, nullable=False),
     Column("closest_m", Float),
@@ -84,7 +91,7 @@ open: it continues; until_ns is then the heartbeat's. first_ns: when the class c
 
 open_intervals: Final = next(index for index in intervals.indexes if index.name == "intervals_open")
 
-presence: Final = _interval_table("presence", Column("heard_ns", BigInteger), by_class=False)
+presence: Final = _interval_table("presence", AT_CAMERA, Column("heard_ns", BigInteger))
 """Intervals in which a robot's gateway was online or a camera was available; without a robot: one monitor led.
 
 heard_ns: arrival of the camera's last class list before it fell silent.
@@ -92,12 +99,31 @@ heard_ns: arrival of the camera's last class list before it fell silent.
 
 disagreements: Final = _interval_table(
     "disagreements",
+    CLASS_AT_CAMERA,
     Column("count", BigInteger, nullable=False),
     Column("model", LABEL, nullable=False),
     Column("other_count", BigInteger, nullable=False),
     Column("other_model", LABEL, nullable=False),
 )
 """Intervals in which two models counted a class of a camera differently. model: the primary one."""
+
+stock: Final = _interval_table(
+    "stock", {"site": NAME, "zone": NAME, "name": LABEL}, Column("count", BigInteger, nullable=False)
+)
+"""Intervals in which a zone held one number of objects of a class; see `StockLevel`."""
+
+object_events: Final = _interval_table(
+    "object_events",
+    {"site": NAME, "object": NAME, "kind": NAME},
+    Column("name", LABEL, nullable=False),
+    Column("x", Float, nullable=False),
+    Column("y", Float, nullable=False),
+    Column("from_x", Float),
+    Column("from_y", Float),
+    Column("into", NAME, nullable=False),
+    Column("by", NAME, nullable=False),
+)
+"""What became of the objects of sites; see `ObjectEvent`."""
 
 poses: Final = Table(
     "poses",
@@ -168,6 +194,15 @@ alerts: Final = Table(
     Index("alerts_by_change", "changed_ns"),
 )
 """Every alert in its current or final state."""
+
+alert_objects: Final = Table(
+    "alert_objects",
+    metadata,
+    Column("alert_id", NAME, primary_key=True),
+    Column("site", NAME, nullable=False),
+    Column("object", NAME, nullable=False),
+)
+"""The site, and the object if it is about one, of each alert about a site."""
 
 UNRESOLVED: Final[ColumnElement[bool]] = alerts.c.state != literal_column("'resolved'")
 """The condition for unresolved alerts; without a parameter, so that databases use the index."""

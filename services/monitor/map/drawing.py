@@ -1,4 +1,4 @@
-"""The map as one SVG: a grid in metres, objects and robots. Pure: time is an argument."""
+"""The map as two SVGs, one above the other: the ground with its objects, and robots. Pure: time is an argument."""
 
 import colorsys
 import math
@@ -10,6 +10,7 @@ from typing import Final, Self
 
 from services.monitor.liveness import OBJECT_FRESH_NS, is_recent
 from services.monitor.map.floor_plan import FloorPlan
+from services.monitor.map.footprints import DrawnObject, drawn_objects
 from services.monitor.map.last_seen import MapObject
 from services.monitor.map.pose import DrawnRobot
 from services.monitor.map.sites import totals
@@ -88,28 +89,44 @@ def colour_of(name: str) -> str:
     return f"#{round(red * 255):02x}{round(green * 255):02x}{round(blue * 255):02x}"
 
 
-def svg_of(
+def ground_of(
     bounds: Bounds,
-    marks: Sequence[MapObject],
-    robots: Sequence[DrawnRobot],
-    now_ns: int,
     plan: tuple[FloorPlan, str] | None = None,
     *,
     zones: Sequence[ZoneCount] = (),
+    objects: Sequence[DrawnObject] = (),
+    chosen: str = "",
 ) -> str:
-    """Return the map with the first MOST_SHOWN marks. Names from the bus are escaped.
+    """Return the map without what moves all the time: floor plan, grid, zones, and the objects of a world model.
 
-    plan: what is under all of it, and where a browser finds its image. zones: drawn on it, below everything else.
+    plan: what is under all of it, and where a browser finds its image. chosen: the id of an object to highlight.
+    Names from the bus are escaped.
     """
     scale = _Scale.of(bounds)
+    near = [each for each in objects if _is_near(each.of.at[0], each.of.at[1])]
     drawn = [
         *([] if plan is None else [_plan(*plan, scale)]),
         *_grid(scale),
         *(_zone(each, scale) for each in zones),
+        *drawn_objects(near, scale.at, colour_of, chosen=chosen),
+    ]
+    return _svg("fleet-map", "map", drawn)
+
+
+def svg_of(bounds: Bounds, marks: Sequence[MapObject], robots: Sequence[DrawnRobot], now_ns: int) -> str:
+    """Return what is above the ground: the first MOST_SHOWN marks, and robots. Names from the bus are escaped."""
+    scale = _Scale.of(bounds)
+    drawn = [
         *(_mark(mark, scale, now_ns) for mark in reversed(marks[:MOST_SHOWN])),
         *(_robot(robot, scale, now_ns) for robot in robots if _is_near(robot.pose.x, robot.pose.y)),
     ]
-    return f'<svg class="fleet-map" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="map">{"".join(drawn)}</svg>'
+    return _svg("fleet-over", "robots and sightings", drawn)
+
+
+def _svg(name: str, label: str, drawn: Iterable[str]) -> str:
+    return (
+        f'<svg class="{name}" viewBox="0 0 {WIDTH} {HEIGHT}" role="group" aria-label="{label}">{"".join(drawn)}</svg>'
+    )
 
 
 def is_fresh(mark: MapObject, now_ns: int) -> bool:

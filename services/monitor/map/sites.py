@@ -38,6 +38,10 @@ class Sites:
         if len(self._known) > MAX_SITES:
             del self._known[next(iter(self._known))]
 
+    def of(self, site: str) -> KnownSite | None:
+        """Return what is known of a site, None if nothing is."""
+        return self._known.get(site)
+
     def is_current(self, site: str, now_ns: int) -> bool:
         """Whether a site is looked after now."""
         known = self._known.get(site)

@@ -5,7 +5,7 @@ from typing import Final, cast
 
 import msgspec
 
-from schemas.alerts import MAX_TEXT, Alert, AlertState
+from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.rules.findings import CameraState, Finding, findings, found_in, offline_text
@@ -26,7 +26,9 @@ from services.monitor.rules.subjects import (
     SubjectKey,
     UnknownAlertError,
     had_escalated,
+    linked,
     local_time,
+    new_alert,
     set_back,
 )
 
@@ -38,11 +40,13 @@ class RuleEngine:
     """Applies a rule book to changes. Times are epoch nanoseconds of the monitor's clock, which may be set back.
 
     new_id: names alerts. most: subjects that are followed; of more, those that come later are left out.
+    page: where the monitor's pages are, for links to objects.
     What comes out is to be fetched with `due` after everything that went in.
     """
 
-    def __init__(self, book: RuleBook, new_id: Callable[[], str], *, most: int = MAX_SUBJECTS) -> None:
+    def __init__(self, book: RuleBook, new_id: Callable[[], str], *, most: int = MAX_SUBJECTS, page: str = "") -> None:
         self._new_id = new_id
+        self._page = page
         self._most = most
         self._book = book
         self._subjects: dict[str, dict[SubjectKey, Subject]] = {rule.name: {} for rule in book.rules}
@@ -93,9 +97,10 @@ class RuleEngine:
         self._advance(now_ns)
         rules = {rule.name: rule for rule in self._book.rules}
         for alert in alerts:
-            place = (alert.robot, alert.camera, alert.name)
+            place = (alert.robot, alert.camera, alert.name, alert.object)
             if alert.id in self._alerts:
                 continue
+            alert = linked(alert, self._page)  # noqa: PLW2901 - its address may be another one by now
             self._alerts[alert.id] = (alert, place)
             rule = rules.get(alert.rule)
             if isinstance(rule, DisagreeRule) and not rule.of:
@@ -118,7 +123,7 @@ class RuleEngine:
             for rule in self._rules_of(key.robot, key.camera):
                 found = found_in(change, rule)
                 if found is not None:
-                    self._find(rule, (key.robot, key.camera, found.name), found, now_ns)
+                    self._find(rule, (key.robot, key.camera, found.name, ""), found, now_ns)
 
     def concerns(self, key: CameraKey) -> bool:
         """Whether any rule is about a camera."""
@@ -133,7 +138,7 @@ class RuleEngine:
         (self._unknown.discard if look.available else self._unknown.add)((robot, camera))
         for rule in self._rules_of(robot, camera):
             for found in findings(rule, look):
-                self._find(rule, (robot, camera, found.name), found, now_ns)
+                self._find(rule, (robot, camera, found.name, ""), found, now_ns)
 
     def robot(self, robot: str, *, alive: bool | None, now_ns: int) -> None:
         """Take whether a robot's gateway is online, None if unknown; now_ns: now, or when it went offline."""
@@ -145,13 +150,13 @@ class RuleEngine:
                 self._robots[robot] = rules
         for rule in rules:
             found = Finding("", None if alive is None else not alive, offline_text(robot))
-            self._find(rule, (robot, "", ""), found, now_ns)
+            self._find(rule, (robot, "", "", ""), found, now_ns)
 
     def world(self, rule: WorldRule, robot: str, found: Finding, now_ns: int) -> None:
         """Take whether the condition of a rule on a site holds; robot: the one it is about, or empty."""
         self._advance(now_ns)
         if rule.applies_to(robot, ""):
-            self._find(cast("AnyRule", rule), (robot, "", found.name), found, now_ns)
+            self._find(cast("AnyRule", rule), (robot, "", found.name, found.object), found, now_ns)
 
     def has_room_again(self) -> bool:
         """Whether there is room again for subjects left out, once: then all must be offered again."""
@@ -310,19 +315,7 @@ class RuleEngine:
         return max(held_ns, subject.raised_ns + round(rule.cooldown_s * NS))
 
     def _raise(self, rule: AnyRule, place: SubjectKey, subject: Subject, now_ns: int) -> None:
-        robot, camera, name = place
-        alert = Alert(
-            id=self._new_id(),
-            rule=rule.name,
-            severity=rule.severity,
-            state=AlertState.RAISED,
-            robot=robot,
-            camera=camera,
-            name=name,
-            text=subject.text[:MAX_TEXT],
-            raised_ns=now_ns,
-            changed_ns=now_ns,
-        )
+        alert = linked(new_alert(self._new_id(), rule, place, subject.text, now_ns), self._page)
         self._waiting.discard(rule.name, place)
         subject.alert, subject.raised_ns = alert, now_ns
         self._alerts[alert.id] = (alert, place)

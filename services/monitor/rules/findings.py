@@ -76,7 +76,7 @@ class CameraState(msgspec.Struct, frozen=True, gc=False):
 
 
 class Finding(msgspec.Struct, frozen=True, gc=False):
-    """Whether a rule's condition holds for a class, and the alert's text where it does.
+    """Whether a rule's condition holds for a class, and the alert's text where it does. object: for this one alone.
 
     holds: None where it is not known any more. since_ns: since when it holds, epoch; now unless given.
     """
@@ -85,6 +85,7 @@ class Finding(msgspec.Struct, frozen=True, gc=False):
     holds: bool | None
     text: str = ""
     since_ns: int | None = None
+    object: str = ""
 
 
 def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:

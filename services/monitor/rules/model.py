@@ -237,6 +237,9 @@ class UnseenRule(ZoneRule):
     than_s: Annotated[float, Field(ge=30, le=60_000)]
 
 
+OF_OBJECTS: Final = (EntersRule, LeavesRule, MovedRule, MissingRule, NearRobotRule)
+"""Rules that raise an alert for each object that they hold for."""
+
 AnyRule = Annotated[
     AppearsRule
     | DisappearsRule
@@ -293,8 +296,10 @@ class RuleBook(_Part):
         return self
 
 
-def is_about(rule: AnyRule, robot: str, camera: str, name: str) -> bool:
-    """Whether a rule raises alerts about a robot, camera and class; the latter two may be empty."""
+def is_about(rule: AnyRule, robot: str, camera: str, name: str, object_id: str = "") -> bool:
+    """Whether a rule raises alerts about a robot, camera, class and object; each may be empty."""
+    if bool(object_id) is not isinstance(rule, OF_OBJECTS):
+        return False
     match rule:
         case SilentRule():
             fits = bool(camera) is rule.of_cameras and not name

@@ -9,12 +9,13 @@ from zoneinfo import ZoneInfo
 
 from msgspec.structs import replace
 
-from schemas.alerts import Alert, AlertState
+from schemas.alerts import MAX_TEXT, Alert, AlertState
 from services.monitor.inventory.sighting import NS
-from services.monitor.rules.model import AnyRule
+from services.monitor.map.footprints import address_of_id
+from services.monitor.rules.model import AnyRule, WorldRule
 
-SubjectKey = tuple[str, str, str]
-"""Robot, camera and class of an alert; the latter two may be empty."""
+SubjectKey = tuple[str, str, str, str]
+"""Robot, camera, class and object of an alert; each may be empty."""
 
 SLACK: Final = 64
 """Stale heap entries tolerated, in addition to one per waiting entry."""
@@ -103,6 +104,30 @@ class Subject:
     text: str = ""
     raised_ns: int | None = None
     alert: Alert | None = None
+
+
+def linked(alert: Alert, page: str) -> Alert:
+    """Return an alert with the address of its object's page, if it is about one. page: where pages are, or empty."""
+    return replace(alert, link=page + address_of_id(alert.site, alert.object)) if alert.object else alert
+
+
+def new_alert(alert_id: str, rule: AnyRule, place: SubjectKey, text: str, now_ns: int) -> Alert:
+    """Return an alert that is raised now."""
+    robot, camera, name, object_id = place
+    return Alert(
+        id=alert_id,
+        rule=rule.name,
+        severity=rule.severity,
+        state=AlertState.RAISED,
+        robot=robot,
+        camera=camera,
+        name=name,
+        site=rule.site if isinstance(rule, WorldRule) else "",
+        object=object_id,
+        text=text[:MAX_TEXT],
+        raised_ns=now_ns,
+        changed_ns=now_ns,
+    )
 
 
 def local_time(now_ns: int, timezone: str | None) -> datetime:

@@ -23,6 +23,7 @@ from services.monitor.web.api.fleet import fleet_routes
 from services.monitor.web.api.history import history_routes
 from services.monitor.web.api.live import live_routes
 from services.monitor.web.api.models import ErrorAnswer
+from services.monitor.web.api.objects import object_routes
 from services.monitor.web.api.paging import refuse_unknown
 from services.monitor.web.auth.gate import ServedAt
 from services.monitor.web.auth.logins import Access
@@ -102,6 +103,7 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
         fleet_routes(monitor),
         alert_routes(monitor),
         history_routes(monitor),
+        object_routes(monitor),
         live_routes(monitor),
     ):
         api.include_router(routes)

@@ -2,14 +2,17 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from itertools import islice
 from typing import Any, Final
 
+from schemas.alerts import Alert
 from services.monitor.liveness import POSE_LIVE_NS, is_recent
 from services.monitor.map.pose import Pose
 from services.monitor.map.sites import Sites
 from services.monitor.rules.findings import Finding
 from services.monitor.rules.model import (
+    OF_OBJECTS,
     EntersRule,
     LeavesRule,
     MissingRule,
@@ -27,11 +30,14 @@ NS: Final = 1_000_000_000
 MAX_IDS: Final = 10_000
 """Objects that one rule remembers; of more, those that entered, left or moved first are forgotten."""
 
+NOTHING_HELD: Final[Mapping[str, set[str]]] = {}
+
 FLOOR_FRESH_NS: Final = 30 * NS
 LEAST_SHARE: Final = 0.5
 """Share of a zone's floor of which looks count as one at the zone."""
 
-MOST_NAMED: Final = 3
+MOST_ALERTS: Final = 100
+"""Objects for which a rule has an alert at a time, of `near_robot` at each robot; of more, those that had none wait."""
 
 Found = tuple[WorldRule, str, Finding]
 """A rule, the robot that its finding is about, or an empty name, and the finding."""
@@ -47,14 +53,26 @@ class WorldConditions:
         self._ids: dict[str, dict[str, int]] = {}
         self._rules: dict[str, WorldRule] = {}
         self._rests: dict[str, dict[str, tuple[float, float]]] = {}
-        self._raised: set[str] = set()
-        self._near: defaultdict[str, set[str]] = defaultdict(set)
+        self._held: dict[str, defaultdict[str, set[str]]] = {}
+        self._left_out: dict[tuple[str, str], int] = {}
 
     def begin(self) -> None:
         """Begin anew, as when this monitor becomes the one that raises alerts: what happened before does not count."""
         self._rules = {}
         for site in self._world.sites.values():
             site.transitions.clear()
+
+    def adopt(self, alerts: Iterable[Alert]) -> None:
+        """Take the unresolved alerts of an earlier monitor: each holds, or ends, for the object that it is about."""
+        for alert in alerts:
+            if alert.object:
+                self._held.setdefault(alert.rule, defaultdict(set))[alert.robot].add(alert.object)
+
+    def problems(self) -> Iterator[str]:
+        """Yield a line for each rule that holds for more objects than it has alerts for."""
+        for (rule, robot), count in sorted(self._left_out.items()):
+            at = f" at {robot}" if robot else ""
+            yield f"rule {rule!r} holds for {count + MOST_ALERTS:,} objects{at}; {MOST_ALERTS} of them have alerts"
 
     def evaluate(self, rules: Iterable[WorldRule], now_ns: int) -> Iterator[Found]:
         """Yield the findings of all rules; a condition is unknown while its site or zone is.
@@ -65,8 +83,9 @@ class WorldConditions:
         kept = {name for name, rule in current.items() if self._rules.get(name) == rule}
         self._ids = {name: ids for name, ids in self._ids.items() if name in kept}
         self._rests = {name: rests for name, rests in self._rests.items() if name in kept}
-        self._raised &= kept
         self._rules = current
+        self._held = {name: held for name, held in self._held.items() if name in current}
+        self._left_out = {at: count for at, count in self._left_out.items() if at[0] in current}
         by_site: defaultdict[str, list[WorldRule]] = defaultdict(list)
         for rule in current.values():
             by_site[rule.site].append(rule)
@@ -116,27 +135,49 @@ class WorldConditions:
         return not rule.zone or of.was_in(rule.zone) or of.is_in(rule.zone)
 
     def _findings(self, rule: WorldRule, objects: SiteObjects | None, now_ns: int) -> Iterator[Found]:
-        if isinstance(rule, NearRobotRule):
+        if objects is None or not _has_zone(rule, objects):
+            yield from self._unknown(rule, set())
+        elif isinstance(rule, NearRobotRule):
             yield from self._near_robots(rule, objects, now_ns)
-        elif objects is None or not _has_zone(rule, objects):
-            yield rule, "", Finding(rule.of, holds=None)
         elif isinstance(rule, UnseenRule):
             yield rule, "", _unseen(rule, objects, now_ns)
+        elif isinstance(rule, ZoneOverRule | ZoneUnderRule):
+            text = _count_text(rule, objects)
+            yield rule, "", Finding(rule.of, holds=bool(text), text=text)
         else:
-            text = self._text(rule, objects, now_ns)
-            unsure = (
-                isinstance(rule, EntersRule) and rule.name not in self._raised and objects.count(rule.zone)[rule.of]
-            )
-            if text:
-                self._raised.add(rule.name)
-            yield rule, "", Finding(rule.of, holds=True if text else None if unsure else False, text=text)
+            yield from self._of_objects(rule, "", self._texts(rule, objects, now_ns))
 
-    def _text(self, rule: WorldRule, objects: SiteObjects, now_ns: int) -> str:
-        """Return what holds, in words; nothing if it does not."""
-        ids: list[str] = []
+    def _unknown(self, rule: WorldRule, known: Collection[str]) -> Iterator[Found]:
+        """Yield that it is not known whether a rule holds, but for some robots."""
+        if not isinstance(rule, OF_OBJECTS):
+            yield rule, "", Finding(rule.of, holds=None)
+        for robot, held in self._held.get(rule.name, NOTHING_HELD).items():
+            if robot not in known:
+                yield from ((rule, robot, Finding(rule.of, holds=None, object=each)) for each in held)
+
+    def _of_objects(self, rule: WorldRule, robot: str, texts: Mapping[str, str]) -> Iterator[Found]:
+        """Yield for which objects a rule holds, and for which not any more. texts: of those it holds for, by id."""
+        held = self._held.setdefault(rule.name, defaultdict(set))
+        chosen = [each for each in texts if each in held[robot]]
+        chosen += list(islice((each for each in texts if each not in held[robot]), max(0, MOST_ALERTS - len(chosen))))
+        left_out = len(texts) - len(chosen)
+        if left_out:
+            self._left_out[rule.name, robot] = left_out
+        else:
+            self._left_out.pop((rule.name, robot), None)
+        over, held[robot] = held[robot].difference(chosen), set(chosen)
+        if not chosen:
+            del held[robot]
+        yield from ((rule, robot, Finding(rule.of, holds=False, object=each)) for each in over)
+        yield from ((rule, robot, Finding(rule.of, holds=True, text=texts[each], object=each)) for each in chosen)
+
+    def _texts(self, rule: WorldRule, objects: SiteObjects, now_ns: int) -> dict[str, str]:
+        """Return the objects for which a rule holds, by id, the latest first, and that in words."""
         match rule:
             case EntersRule():
                 entered = self._ids[rule.name]
+                for each in self._held.get(rule.name, NOTHING_HELD).get("", ()):  # it entered before a restart
+                    entered.setdefault(each, now_ns)
                 for each in [each for each in entered if not _is_in(each, rule, objects)]:
                     del entered[each]
                 ids, verb = list(entered), "entered"
@@ -144,9 +185,13 @@ class WorldConditions:
                 ids, verb = [each for each in self._recent(rule, now_ns) if not _is_in(each, rule, objects)], "left"
             case MovedRule():
                 ids, verb = self._recent(rule, now_ns), "moved in"
+            case MissingRule() if not _is_in(rule.object, rule, objects):
+                placed = objects.objects.get(rule.object)
+                where = "gone" if placed is None else f"at {placed.x:.1f}, {placed.y:.1f} m"
+                return {rule.object: f"{rule.of} {rule.object} is missing from {_place(rule)}: it is {where}"}
             case _:
-                return _state_text(rule, objects)
-        return f"{rule.of} {_named(ids)} {verb} {_place(rule)}" if ids else ""
+                return {}
+        return {each: f"{rule.of} {each} {verb} {_place(rule)}" for each in reversed(ids)}
 
     def _recent(self, rule: LeavesRule | MovedRule, now_ns: int) -> list[str]:
         """Return the objects of a rule that are not older than its `within_s`, nor from a later time."""
@@ -156,23 +201,20 @@ class WorldConditions:
             del ids[each]
         return list(ids)
 
-    def _near_robots(self, rule: NearRobotRule, objects: SiteObjects | None, now_ns: int) -> Iterator[Found]:
-        near, seen = set[str](), set[str]()
-        for robot in self._sites.robots(rule.site) if objects is not None else ():
+    def _near_robots(self, rule: NearRobotRule, objects: SiteObjects, now_ns: int) -> Iterator[Found]:
+        seen = set[str]()
+        for robot in self._sites.robots(rule.site):
             pose = self._poses.get(robot)
-            if objects is None or pose is None or not is_recent(pose.at_ns, now_ns, POSE_LIVE_NS):
+            if pose is None or not is_recent(pose.at_ns, now_ns, POSE_LIVE_NS):
                 continue
             seen.add(robot)
-            found = objects.near(rule.of, pose.x, pose.y, rule.than_m)
-            text = ""
-            if found is not None:
-                near.add(robot)
-                text = f"{rule.of} {found[0]} is {found[1]:.2f} m from {robot}, nearer than {rule.than_m:g} m"
-            yield rule, robot, Finding(rule.of, holds=found is not None, text=text)
-        lost = self._near[rule.name] - seen
-        for robot in sorted(lost):
-            yield rule, robot, Finding(rule.of, holds=None)
-        self._near[rule.name] = near | lost
+            near = objects.near(rule.of, pose.x, pose.y, rule.than_m)
+            texts = {
+                each: f"{rule.of} {each} is {distance_m:.2f} m from {robot}, nearer than {rule.than_m:g} m"
+                for distance_m, each in near
+            }
+            yield from self._of_objects(rule, robot, texts)
+        yield from self._unknown(rule, seen)
 
 
 def _unseen(rule: UnseenRule, objects: SiteObjects, now_ns: int) -> Finding:
@@ -184,19 +226,12 @@ def _unseen(rule: UnseenRule, objects: SiteObjects, now_ns: int) -> Finding:
     return Finding("", holds=share < LEAST_SHARE, text=text)
 
 
-def _state_text(rule: WorldRule, objects: SiteObjects) -> str:
-    """Return what holds of a rule that looks at the present alone."""
-    match rule:
-        case ZoneOverRule() | ZoneUnderRule():
-            count = objects.count(rule.zone).get(rule.of, 0)
-            over = isinstance(rule, ZoneOverRule)
-            holds = count > rule.count if over else count < rule.count
-            return f"{count} {rule.of} in {_place(rule)}, {'over' if over else 'under'} {rule.count}" if holds else ""
-        case MissingRule() if not _is_in(rule.object, rule, objects):
-            placed = objects.objects.get(rule.object)
-            where = "gone" if placed is None else f"at {placed.x:.1f}, {placed.y:.1f} m"
-            return f"{rule.of} {rule.object} is missing from {_place(rule)}: it is {where}"
-    return ""
+def _count_text(rule: ZoneOverRule | ZoneUnderRule, objects: SiteObjects) -> str:
+    """Return how many objects are in a zone, in words; nothing if the rule does not hold."""
+    count = objects.count(rule.zone).get(rule.of, 0)
+    over = isinstance(rule, ZoneOverRule)
+    holds = count > rule.count if over else count < rule.count
+    return f"{count} {rule.of} in {_place(rule)}, {'over' if over else 'under'} {rule.count}" if holds else ""
 
 
 def _is_in(object_id: str, rule: ZoneRule, objects: SiteObjects) -> bool:
@@ -214,20 +249,17 @@ def _has_zone(rule: WorldRule, objects: SiteObjects) -> bool:
     return not zone or any(each.name == zone for each in objects.zones)
 
 
-def _place(rule: ZoneRule | MovedRule) -> str:
-    return f"{rule.site}/{rule.zone}" if rule.zone else rule.site
-
-
-def _named(ids: list[str]) -> str:
-    more = len(ids) - MOST_NAMED
-    return ", ".join(ids[-MOST_NAMED:]) + (f" and {more} more" if more > 0 else "")
+def _place(rule: WorldRule) -> str:
+    zone = getattr(rule, "zone", "")
+    return f"{rule.site}/{zone}" if zone else rule.site
 
 
 def remarks_on_zones(rules: Iterable[WorldRule], world: World) -> Iterator[str]:
-    """Yield a line for each rule that names a zone, or a site, that the zone file has not."""
+    """Yield a line for each rule on a site that no world model has told of, or on a zone that the zone file has not."""
     for rule in rules:
         objects = world.sites.get(rule.site)
         if objects is None:
-            yield f"rule {rule.name!r}: site {rule.site} is not followed; add a zone of it to --zones"
+            why = "no world model has told of it" if world.on else "set --world on"
+            yield f"rule {rule.name!r}: site {rule.site} is not followed: {why}"
         elif not _has_zone(rule, objects):
             yield f"rule {rule.name!r}: site {rule.site} has no zone {getattr(rule, 'zone', '')!r}"

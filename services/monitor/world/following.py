@@ -4,6 +4,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Final
 
 from bus import QUEUE, Bus, RequestError, Sample
@@ -28,15 +29,20 @@ TIMEOUT_S: Final = 10.0
 
 
 async def follow_world(bus: Bus, world: World, sites: Sites) -> None:
-    """Keep the objects of the sites with zones up to date until cancelled; without zones nothing is subscribed.
+    """Keep the objects of all sites up to date until cancelled; a world that is off has none.
 
     sites: whose world models are there: the others are not asked.
     """
+    followed: set[str] = set()
     async with asyncio.TaskGroup() as group:
-        for name, objects in world.sites.items():
-            group.create_task(_receive(bus, name, objects))
-            group.create_task(_catch_up(bus, name, objects, sites))
-            group.create_task(_look_at_floor(bus, name, objects, sites))
+        while world.on:
+            for name in world.sites.keys() - followed:
+                objects = world.sites[name]
+                followed.add(name)
+                group.create_task(_receive(bus, name, objects))
+                group.create_task(_catch_up(bus, name, objects, sites))
+                group.create_task(_look_at_floor(bus, name, objects, sites))
+            await asyncio.sleep(ASK_EVERY_S)
 
 
 async def _receive(bus: Bus, site: str, objects: SiteObjects) -> None:
@@ -102,8 +108,40 @@ def _every(answers: Iterable[WorldAnswer]) -> Iterable[WorldObject]:
     return (each for answer in answers for each in answer.objects)
 
 
-async def _ask(bus: Bus, site: str, question: WorldRequest) -> WorldAnswer:
+AROUND_M: Final = 5.0
+"""Half the side of the square in which one object is asked for: further than anything goes between two questions."""
+
+ONE_TIMEOUT_S: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class FreshObject:
+    """An object as its world model has it at `now_ns`, on the model's clock."""
+
+    of: WorldObject
+    now_ns: int
+
+
+async def ask_for_object(bus: Bus, of: WorldObject) -> FreshObject | None:
+    """Ask for an object as it is now: changes tell every ten seconds or so that one is still seen.
+
+    of: the object as it was told last. None where it is not there any more, or nobody answers.
+    """
+    x, y = of.at[:2]
+    around = [
+        (x + dx, y + dy)
+        for dx, dy in ((-AROUND_M, -AROUND_M), (AROUND_M, -AROUND_M), (AROUND_M, AROUND_M), (-AROUND_M, AROUND_M))
+    ]
+    try:
+        answer = await _ask(bus, of.site, WorldRequest(name=of.name, region=around), ONE_TIMEOUT_S)
+    except (RequestError, SchemaError):
+        return None
+    found = next((each for each in answer.objects if each.id == of.id), None)
+    return None if found is None else FreshObject(found, answer.now_ns)
+
+
+async def _ask(bus: Bus, site: str, question: WorldRequest, timeout_s: float = TIMEOUT_S) -> WorldAnswer:
     encoding = codec.encoding(WorldRequest)
     key = world_key(site, WorldStream.OBJECTS)
-    reply = await bus.request(key, codec.encode(question), encoding=encoding, timeout_s=TIMEOUT_S)
+    reply = await bus.request(key, codec.encode(question), encoding=encoding, timeout_s=timeout_s)
     return codec.decode(WorldAnswer, reply.payload, reply.encoding)

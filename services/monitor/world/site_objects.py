@@ -17,6 +17,9 @@ MAX_SITE_OBJECTS: Final = 100_000
 """Objects of a site that are followed; a world model keeps as many unless told otherwise."""
 
 MAX_TRANSITIONS: Final = 10_000
+MAX_EVENTS: Final = 10_000
+"""Changes that wait for the history; of more, the oldest are dropped."""
+
 CELL_M: Final = 2.0
 """Side of a cell of the index by place."""
 
@@ -26,13 +29,33 @@ MAX_BUFFERED: Final = 1_000
 """Messages that wait for the answer with all objects; of more, the oldest are dropped, and it is asked for again."""
 
 
-class PlacedObject(msgspec.Struct, frozen=True, gc=False):
-    """An object: its class, the centre of its box in the site's map in metres, and the zones around that."""
+SITE: Final = ""
+"""Stands for all of a site where a zone is named."""
 
-    name: str
-    x: float
-    y: float
+MAX_FOLLOWED: Final = 100
+"""Sites that are followed, those with zones before the others."""
+
+
+class PlacedObject(msgspec.Struct, frozen=True, gc=False):
+    """An object as it was told last, and the zones around the centre of its box."""
+
+    of: WorldObject
     zones: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Its class."""
+        return self.of.name
+
+    @property
+    def x(self) -> float:
+        """Where the centre of its box is along the map's x axis, metres."""
+        return self.of.at[0]
+
+    @property
+    def y(self) -> float:
+        """Where the centre of its box is along the map's y axis, metres."""
+        return self.of.at[1]
 
 
 class Transition(msgspec.Struct, frozen=True, gc=False):
@@ -59,6 +82,7 @@ class SiteObjects:
     to be asked for. is_full: there are more objects than are followed; the others are in no total.
     floor: when that of zones was looked at, of those in `floor_wanted`, by name.
     transitions: what came, went and moved since somebody cleared them, the newest MAX_TRANSITIONS of it.
+    version: grows with whatever changes of the objects.
     """
 
     def __init__(self, zones: Iterable[Zone], *, most: int = MAX_SITE_OBJECTS) -> None:
@@ -66,21 +90,29 @@ class SiteObjects:
         self.objects: dict[str, PlacedObject] = {}
         self.is_full = False
         self.is_behind = True
+        self.version = 0
         self.transitions: deque[Transition] = deque(maxlen=MAX_TRANSITIONS)
+        self._events: deque[WorldChange] = deque(maxlen=MAX_EVENTS)
         self.floor_wanted: frozenset[str] = frozenset()
         self.floor: dict[str, ZoneFloor] = {}
         self._cells: dict[tuple[str, int, int], dict[str, tuple[float, float]]] = {}
         self._finder = ZoneFinder(self.zones)
         self._most = most
-        self._counts: dict[str, Counter[str]] = {zone.name: Counter() for zone in self.zones}
+        self._counts: dict[str, Counter[str]] = {SITE: Counter(), **{zone.name: Counter() for zone in self.zones}}
         self._epoch = ""
         self._last = 0
         self._told_last = 0
         self._waiting: deque[WorldChanges] = deque(maxlen=MAX_BUFFERED)
 
     def count(self, zone: str) -> Counter[str]:
-        """Return how many objects of each class are in a zone; 0 for classes of which all have left."""
+        """Return how many objects of each class are in a zone, or in SITE; 0 for classes of which all have left."""
         return self._counts[zone]
+
+    def take_events(self) -> list[WorldChange]:
+        """Return what happened to objects since the last call; that some were merely seen again is left out."""
+        events = list(self._events)
+        self._events.clear()
+        return events
 
     def take(self, changes: WorldChanges) -> None:
         """Apply the changes that are new; keep them for later while `is_behind`."""
@@ -101,6 +133,7 @@ class SiteObjects:
         """Take all objects as of the change numbered `last`, then the changes that came meanwhile."""
         self._epoch, self._last, self._told_last, self.is_behind = epoch, last, last, False
         self.objects, self.is_full = {}, False
+        self.version += 1
         self._cells.clear()
         self._counts = {zone: Counter(dict.fromkeys(counts, 0)) for zone, counts in self._counts.items()}
         for each in objects:
@@ -109,7 +142,16 @@ class SiteObjects:
         waiting = [each for each in self._waiting if each.epoch == epoch]
         self._waiting.clear()
         for message in waiting:
+            self._note_earlier(message, last)
             self.take(message)
+
+    def _note_earlier(self, changes: WorldChanges, last: int) -> None:
+        """Note what happened before the change numbered `last`, whose outcome is known by the answer with all objects.
+
+        Moves are left out: those that the history has already would be there twice.
+        """
+        earlier = changes.changes[: max(0, last + 1 - changes.first)]
+        self._events.extend(each for each in earlier if each.kind not in (ChangeKind.SEEN, ChangeKind.MOVED))
 
     def _apply(self, changes: WorldChanges) -> None:
         new = self._last + 1 - changes.first
@@ -118,6 +160,8 @@ class SiteObjects:
         self._last = max(self._last, changes.first + len(changes.changes) - 1)
 
     def _change(self, change: WorldChange) -> None:
+        if change.kind is not ChangeKind.SEEN:
+            self._events.append(change)
         match change.kind:
             case ChangeKind.GONE | ChangeKind.MERGED:
                 self._remove(change.object.id)
@@ -127,20 +171,23 @@ class SiteObjects:
     def _put(self, of: WorldObject) -> None:
         before = self.objects.get(of.id)
         x, y = of.at[0], of.at[1]
-        if before is not None and (before.name, before.x, before.y) == (of.name, x, y):
-            return
         if before is None and len(self.objects) >= self._most:
             self.is_full = True
             return
-        placed = PlacedObject(of.name, x, y, self._finder.at(x, y))
+        self.version += 1
+        if before is not None and (before.name, before.x, before.y) == (of.name, x, y):
+            self.objects[of.id] = PlacedObject(of, before.zones)
+            return
+        placed = PlacedObject(of, self._finder.at(x, y))
         self.objects[of.id] = placed
         self._move(of.id, before, placed)
 
     def _remove(self, object_id: str) -> None:
+        self.version += 1
         self._move(object_id, self.objects.pop(object_id, None), None)
 
-    def near(self, name: str, x: float, y: float, than_m: float) -> tuple[str, float] | None:
-        """Return the id of the nearest object of a class that is nearer than that, and how far it is in metres."""
+    def near(self, name: str, x: float, y: float, than_m: float) -> list[tuple[float, str]]:
+        """Return how far each object of a class that is nearer than that is, in metres, and its id; nearest first."""
         low, high = _cell(name, x - than_m, y - than_m), _cell(name, x + than_m, y + than_m)
         found = [
             ((at[0] - x) ** 2 + (at[1] - y) ** 2, each)
@@ -148,9 +195,7 @@ class SiteObjects:
             for up in range(low[2], high[2] + 1)
             for each, at in self._cells.get((name, across, up), NOTHING).items()
         ]
-        square, nearest = min(found, default=(math.inf, ""))
-        distance_m = math.sqrt(square)
-        return (nearest, distance_m) if distance_m < than_m else None
+        return [(math.sqrt(square), each) for square, each in sorted(found) if square < than_m**2]
 
     def _note(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
         of = now or before
@@ -166,9 +211,9 @@ class SiteObjects:
                 del self._cells[cell]
         if now is not None:
             self._cells.setdefault(_cell(now.name, now.x, now.y), {})[object_id] = now.x, now.y
-        for zone in () if before is None else before.zones:
+        for zone in () if before is None else (SITE, *before.zones):
             self._counts[zone][before.name] -= 1  # type: ignore[union-attr]
-        for zone in () if now is None else now.zones:
+        for zone in () if now is None else (SITE, *now.zones):
             self._counts[zone][now.name] += 1  # type: ignore[union-attr]
 
 
@@ -186,13 +231,18 @@ class ZoneCount:
 
 
 class World:
-    """The sites that have zones. Other sites are not followed, so that they cost nothing."""
+    """The sites that world models tell of, and those with zones, by name.
 
-    def __init__(self, zones: Sequence[Zone] = ()) -> None:
+    on: False for a monitor that follows no world model: it has no sites.
+    """
+
+    def __init__(self, zones: Sequence[Zone] = (), *, on: bool = True) -> None:
+        self.on = on
         by_site: defaultdict[str, list[Zone]] = defaultdict(list)
         for zone in zones:
             by_site[zone.site].append(zone)
         self.sites: dict[str, SiteObjects] = {site: SiteObjects(of) for site, of in sorted(by_site.items())}
+        self._left_out = ""
 
     def zones(self, sites: Sites, now_ns: int) -> Iterator[ZoneCount]:
         """Yield each zone with its objects, by site, in the order of the file. sites: whose models are there."""
@@ -202,12 +252,22 @@ class World:
                 yield ZoneCount(zone, site.count(zone.name), current)
 
     def problems(self) -> Iterator[str]:
-        """Yield a line for each site that has more objects than are followed."""
+        """Yield a line for each site of which not all objects are followed, and one where there are too many sites."""
         for name, site in self.sites.items():
             if site.is_full:
-                yield f"site {name} has more than {len(site.objects):,} objects; the others are counted in no zone"
+                yield f"site {name} has more than {len(site.objects):,} objects; the others are counted nowhere"
+        if self._left_out:
+            yield (
+                f"site {self._left_out} is not followed, as {MAX_FOLLOWED} others are: run another monitor for it,"
+                " or restart this one if some of these are gone"
+            )
 
     def hear(self, status: SiteStatus) -> None:
-        """Take what a world model says of its site."""
-        if (site := self.sites.get(status.site)) is not None:
-            site.hear(status)
+        """Take what a world model says of its site, which is followed from now on."""
+        site = self.sites.get(status.site)
+        if site is None:
+            if not self.on or len(self.sites) >= MAX_FOLLOWED:
+                self._left_out = status.site if self.on else ""
+                return
+            site = self.sites[status.site] = SiteObjects(())
+        site.hear(status)

@@ -50,7 +50,7 @@ SHOTS: Final = (
     Shot("objects", "/objects/r1/camera", "button.fs-row", "dark", settle_s=8),
     Shot("map", "/map", ".fs-map .robot.live", settle_s=8),
     Shot("map-dark", "/map", ".fs-map .robot.live", "dark", settle_s=8),
-    Shot("inventory", "/inventory", "[data-sighting]", click="[data-sighting] button"),
+    Shot("inventory", "/in-view", "[data-sighting]", click="[data-sighting] button"),
     Shot("alerts", "/alerts", "[data-alert]"),
     Shot("health-dark", "/health", "[data-worker]", "dark"),
 )

@@ -15,6 +15,7 @@ from tests.integration.page.browser import PATIENCE_MS, Scheme, Size, looking, o
 from tests.integration.page.sights import robot_on
 from tests.integration.page.warehouse import Robot, Warehouse, warehouse
 from tests.services.monitor.web.serving import Served, served
+from tests.services.monitor.world.test_site_objects import tell_of, thing
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
 
@@ -32,7 +33,9 @@ rules:
 """
 PAGES: Final = {
     "/": "[data-robot=r2]",
-    "/inventory": "[data-sighting='r2/front/pallet']",
+    "/inventory": "[data-object=a]",
+    "/world/hall/a": ".fs-facts",
+    "/in-view": "[data-sighting='r2/front/pallet']",
     "/alerts": "[data-alert]:has-text('r2')",
     "/health": "[data-gateway=r2]",
     "/map": ".fs-map .robot.live",
@@ -74,6 +77,8 @@ async def site(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Site]:
             fleet.enter(Robot("r3", {"box": 1})),
         ]
         fleet.serve(robots[:1])
+        forklifts = [thing(f"f{number}", number, name="forklift") for number in range(12)]
+        tell_of(fleet.monitor.fleet, thing("a", 1), *forklifts)
         async with looking(browser, at, folder) as looker:
             page = await looker.go("/")
             await expect(page.locator("[data-robot=r3]")).to_contain_text("1box")

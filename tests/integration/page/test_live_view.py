@@ -48,7 +48,7 @@ async def test_a_real_detector_draws_while_somebody_looks_at_the_cameras_page(
         await page.get_by_label("Password", exact=True).fill(PASSWORD)
         await page.get_by_label("Password again").fill(PASSWORD)
         await page.get_by_role("button").click()
-        await page.goto(f"{url}/inventory")
+        await page.goto(f"{url}/in-view")
         for name in view.classes:
             await expect(page.locator("td", has_text=name).first).to_be_visible()
         assert (boxes.wanted, masks.wanted) == (False, False)

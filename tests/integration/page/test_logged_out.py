@@ -41,10 +41,10 @@ async def test_a_user_who_is_removed_while_they_look_through_a_proxy_is_sent_to_
         looking(browser, at, tmp_path) as looker,
     ):
         fleet.enter(Robot("r1", {"box": 2}))
-        page = await looker.go("/inventory")
+        page = await looker.go("/in-view")
         await expect(page.locator("[data-sighting='r1/front/box']")).to_be_visible()
         await at.remove(Role.OPERATOR)
-        await page.wait_for_url(re.compile(r"/login\?next=/inventory"))
+        await page.wait_for_url(re.compile(r"/login\?next=/in-view"))
         await expect(page.get_by_label("Password")).to_be_visible()
 
 
@@ -70,7 +70,7 @@ async def test_somebody_whose_session_ended_while_they_were_away_logs_in_and_is_
         await expect(page.locator("[data-gateway=r1]")).to_be_visible()
 
 
-@pytest.mark.parametrize("path", ["/", "/inventory", "/health"])
+@pytest.mark.parametrize("path", ["/", "/in-view", "/health"])
 async def test_a_search_survives_a_restart(browser: Browser, tmp_path: Path, path: str) -> None:
     rows = "[data-robot], [data-sighting], [data-gateway]"
     async with warehouse(web_port=free_ports(1)) as fleet:

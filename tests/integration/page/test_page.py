@@ -114,6 +114,8 @@ async def test_robots_are_searched_and_chosen_by_their_state(site: Site, tmp_pat
         await expect(page.locator("[data-robot=r10]")).to_be_visible()
         await looker.picture("fleet-phone-dark")
         await page.locator(".fs-footer").get_by_role("link", name="Inventory").click()
+        await expect(page.get_by_text("What is in the warehouse is not known")).to_be_visible()
+        await page.get_by_role("link", name="In view of cameras").click()
         await expect(page.locator("[data-sighting='r1/front/box']")).to_contain_text("2.12 m")
         wide = await page.evaluate("document.documentElement.scrollWidth")
         assert wide == 375
@@ -123,7 +125,7 @@ async def test_robots_are_searched_and_chosen_by_their_state(site: Site, tmp_pat
 
 async def test_what_was_in_view_is_listed_charted_and_downloaded(site: Site, tmp_path: Path) -> None:
     async with looking(site.browser, site.at, tmp_path, scheme="dark") as looker:
-        page = await looker.go("/inventory")
+        page = await looker.go("/in-view")
         row = page.locator("[data-sighting='r1/front/box']")
         await expect(row).to_contain_text("88%")
         await expect(row).to_contain_text("gpu-1 warehouse-n-seg")
@@ -154,7 +156,7 @@ async def test_what_was_in_view_is_listed_charted_and_downloaded(site: Site, tmp
 async def test_what_a_lost_robot_saw_is_not_in_view_now_but_is_not_forgotten(site: Site, tmp_path: Path) -> None:
     site.fleet.enter(Robot("r4", {"drum": 2}))
     async with looking(site.browser, site.at, tmp_path, size="wall") as looker:
-        page = await looker.go("/inventory")
+        page = await looker.go("/in-view")
         row = page.locator("[data-sighting='r4/front/drum']")
         await expect(row).to_be_visible()
         other = site.fleet.enter(Robot("r7", {"drum": 1}))

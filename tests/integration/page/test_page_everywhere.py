@@ -16,6 +16,7 @@ from tests.integration.page.in_sight import out_of_sight
 from tests.integration.page.touching import too_small_to_touch
 from tests.integration.page.warehouse import Robot, Warehouse, warehouse
 from tests.services.monitor.web.serving import Served, served
+from tests.services.monitor.world.test_site_objects import tell_of, thing
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
 
@@ -30,10 +31,12 @@ rules:
 """
 PAGES = {
     "/": f"[data-robot={LONG}]",
-    "/inventory": "[data-sighting='r1/front/box']",
+    "/inventory": "[data-object=a]",
+    "/world/hall/a": ".fs-facts",
+    "/in-view": "[data-sighting='r1/front/box']",
     "/alerts": f"[data-alert]:has-text('{LONG}')",
     "/health": "[data-worker='detector/gpu-1']",
-    "/map": "text=No position is known yet",
+    "/map": ".fs-map .things a",
     "/cameras/r1/front": ".fs-row:has-text('box')",
     "/objects/r1/front": "text=No cloud runs",
     f"/cameras/{LONG}/{UNBROKEN}": ".fs-row:has-text('pallet')",
@@ -41,7 +44,8 @@ PAGES = {
 }
 EMPTY = {
     "/": ("No robot has joined yet", "fleetsight gateway --robot r1 --connect"),
-    "/inventory": ("Nothing has been seen yet", "fleetsight detector --connect"),
+    "/inventory": ("What is in the warehouse is not known", "fleetsight worldmodel --connect"),
+    "/in-view": ("Nothing has been seen yet", "fleetsight detector --connect"),
     "/alerts": ("No open alerts", "--rules rules.yaml"),
     "/health": ("No worker has reported yet", "fleetsight"),
     "/map": ("No position is known yet", "fleetsight distance --connect"),
@@ -81,6 +85,8 @@ async def site(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> As
             Robot(UNBROKEN, {"box": 1}, camera=LONG),
         ]
         fleet.serve([fleet.enter(robot) for robot in robots])
+        long = thing("y" * 64, 3, name="a class with a long name " * 3)
+        tell_of(fleet.monitor.fleet, thing("a", 1), thing("b", 2, name="pallet"), long)
         yield Site(fleet, at, browser)
 
 
@@ -148,7 +154,7 @@ async def test_people_are_told_an_address_that_they_can_connect_to(
     listens = {"listen": ["tcp/0.0.0.0:7447"], "advertise": advertise}
     async with warehouse(**listens) as empty, served(empty.monitor) as at, looking(browser, at, tmp_path) as looker:
         told = advertise or endpoint_to_join(empty.monitor.settings)
-        for path in ("/", "/inventory", "/health", "/map", "/wall"):
+        for path in ("/", "/in-view", "/health", "/map", "/wall"):
             page = await looker.go(path)
             await expect(page.get_by_text(told).first).to_be_visible()
             assert "0.0.0.0" not in await page.locator("body").inner_text(), path  # noqa: S104 - nobody binds to it

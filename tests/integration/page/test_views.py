@@ -22,7 +22,7 @@ from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey, Stream
-from services.monitor.map.drawing import Bounds, svg_of
+from services.monitor.map.drawing import Bounds, ground_of
 from services.monitor.map.floor_plan import MOST_CELLS, FloorPlan, MapDescription, load_floor_plan
 from services.monitor.monitor import Monitor
 from services.monitor.process import watch_fleet
@@ -193,7 +193,7 @@ async def test_thin_walls_of_a_large_floor_plan_are_seen(site: Site) -> None:
     plan = FloorPlan.of(shades, 255, said)
     bounds = Bounds.around(plan.corners)
     assert bounds is not None
-    picture = svg_of(bounds, [], [], 0, (plan, f"data:image/png;base64,{b64encode(plan.png).decode()}"))
+    picture = ground_of(bounds, (plan, f"data:image/png;base64,{b64encode(plan.png).decode()}"))
     page = await site.browser.new_page(viewport={"width": 1440, "height": 900})
     await page.set_content(
         f'<style>{VIEW_STYLE} .grid, .metres {{ display: none }}</style><div class="fs-map">{picture}</div>'

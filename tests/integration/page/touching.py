@@ -11,6 +11,7 @@ FIND: Final = """(least) => {
   for (const element of document.body.querySelectorAll("a, button, .q-field__control, [role=button], [role=switch]")) {
     if (!element.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
     if (element.matches("[aria-hidden=true], [aria-hidden=true] *")) continue;
+    if (element.matches(".fs-map .things a")) continue;  // at true size; the list beside them has the same links
     const box = element.getBoundingClientRect();
     if (!box.width || (box.width > least - 0.5 && box.height > least - 0.5)) continue;
     const said = element.innerText || element.getAttribute("aria-label") || element.className;

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 from pydantic import ValidationError
 
@@ -20,3 +22,12 @@ def test_a_wrong_endpoint_names_its_setting(field: str) -> None:
     with pytest.raises(ValidationError) as caught:
         MonitorSettings.model_validate({field: ["central:7447"]})
     assert caught.value.errors()[0]["loc"][0] == field
+
+
+def test_zones_need_the_world_models(tmp_path: Path) -> None:
+    zones = tmp_path / "zones.yaml"
+    zones.write_text("zones: []", encoding="utf-8")
+    assert MonitorSettings(zones=zones).follows_world
+    assert not MonitorSettings(world="off").follows_world
+    with pytest.raises(ValidationError, match="leave out --zones, or set --world on"):
+        MonitorSettings(world="off", zones=zones)

@@ -17,7 +17,9 @@ from schemas.status import GatewayStatus
 from services.monitor.formats import moment, rounded
 from services.monitor.history.intervals import Interval
 from services.monitor.history.state import Act
+from services.monitor.history.world_history import ObjectEvent, StockLevel
 from services.monitor.inventory.inventory import Entry
+from services.monitor.map.footprints import address_of_id
 from services.monitor.map.sites import KnownSite
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
 from services.monitor.web.api.models import (
@@ -30,13 +32,11 @@ from services.monitor.web.api.models import (
     Part,
     ReturnAnswer,
     RobotAnswer,
-    RobotOffsetAnswer,
     SightingAnswer,
-    SiteAnswer,
     StreamAnswer,
     WorkerAnswer,
-    ZoneAnswer,
 )
+from services.monitor.web.api.world_models import EventAnswer, RobotOffsetAnswer, SiteAnswer, StockAnswer, ZoneAnswer
 from services.monitor.world.site_objects import ZoneCount
 
 M = TypeVar("M", bound=Part)
@@ -136,6 +136,7 @@ def alert_answer(alert: Alert, acts: tuple[Act, ...], known_until_ns: int | None
     return answer_of(
         AlertAnswer,
         alert,
+        link=address_of_id(alert.site, alert.object) if alert.object else "",
         raised=moment(alert.raised_ns),
         changed=moment(alert.changed_ns),
         known_until=None if known_until_ns is None else moment(known_until_ns),
@@ -176,6 +177,16 @@ def zone_answer(counted: ZoneCount) -> ZoneAnswer:
     """Return a zone's model."""
     objects = {name: count for name, count in sorted(counted.objects.items()) if count}
     return answer_of(ZoneAnswer, counted.zone, current=counted.current, objects=objects)
+
+
+def event_answer(of: ObjectEvent) -> EventAnswer:
+    """Return the model of what became of an object."""
+    return answer_of(EventAnswer, of, since=moment(of.since_ns), until=moment(of.until_ns))
+
+
+def stock_answer(of: StockLevel) -> StockAnswer:
+    """Return the model of a stock level."""
+    return answer_of(StockAnswer, of, since=moment(of.since_ns), until=moment(of.until_ns))
 
 
 def gateway_answer(of: GatewayStatus, last_ns: int, *, online: bool) -> GatewayAnswer:

@@ -123,6 +123,7 @@ class AlertAnswer(Part):
 
     known_until: when its camera was heard last, if its robot is gone or its camera silent, so that nobody knows whether
     what it says is still so; None while that is known, of alerts about silence itself, and of resolved ones.
+    site, object: that it is about, empty where there is none. link: the path of the object's page.
     """
 
     id: str
@@ -132,6 +133,9 @@ class AlertAnswer(Part):
     robot: str
     camera: str
     name: str = Field(serialization_alias="class")
+    site: str
+    object: str
+    link: str
     text: str
     raised: datetime
     changed: datetime
@@ -161,43 +165,6 @@ class WorkerAnswer(Part):
     cameras: tuple[LoadAnswer, ...]
     remarks: tuple[str, ...]
     version: str
-
-
-class RobotOffsetAnswer(Part):
-    """How far a robot's localisation is off: metres, and radians. doubted: why it is left out for now, or empty."""
-
-    robot: str
-    x: Figure
-    y: Figure
-    yaw: Figure
-    doubted: str
-
-
-class SiteAnswer(Part):
-    """What a world model keeps of a site: objects by class, each once. current: it said so within 5 seconds."""
-
-    site: str
-    worker: str
-    current: bool
-    last_seen: datetime | None
-    objects: dict[str, int]
-    tentative: int
-    left_out: dict[str, int]
-    problems: tuple[str, ...]
-    robots: tuple[RobotOffsetAnswer, ...]
-
-
-class ZoneAnswer(Part):
-    """A zone of a site. corners: x, y in the site's map, metres. objects: by class, each once.
-
-    current: its world model said so within 5 seconds, and the monitor has all of it.
-    """
-
-    site: str
-    name: str
-    corners: tuple[tuple[float, float], ...]
-    current: bool
-    objects: dict[str, int]
 
 
 class StreamAnswer(Part):

@@ -11,6 +11,7 @@ from services.monitor.web.pages.camera import add_camera
 from services.monitor.web.pages.chart import Charts
 from services.monitor.web.pages.frame import answer_instead
 from services.monitor.web.pages.health import add_health
+from services.monitor.web.pages.in_view import add_in_view
 from services.monitor.web.pages.inventory import add_inventory
 from services.monitor.web.pages.map import add_map, floor_plan_route
 from services.monitor.web.pages.mjpeg import PATH, MjpegStreams
@@ -18,6 +19,7 @@ from services.monitor.web.pages.objects import add_objects
 from services.monitor.web.pages.overview import add_overview
 from services.monitor.web.pages.page_data import PageData
 from services.monitor.web.pages.wall import add_wall
+from services.monitor.web.pages.world_object import add_world_object
 
 
 def add_pages(app: FastAPI, monitor: Monitor) -> None:
@@ -26,7 +28,9 @@ def add_pages(app: FastAPI, monitor: Monitor) -> None:
     shared = PageData(monitor)
     add_overview(shared, monitor)
     add_wall(shared, monitor)
-    add_inventory(shared, Charts(monitor.archive), monitor)
+    charts = Charts(monitor.archive)
+    add_inventory(charts, monitor)
+    add_in_view(shared, charts, monitor)
     add_alerts(monitor, KeptAlerts(monitor.archive))
     add_health(shared, monitor)
     _add_views(app, monitor)
@@ -42,3 +46,4 @@ def _add_views(app: FastAPI, monitor: Monitor) -> None:
     add_camera(monitor, views)
     add_objects(monitor, views)
     add_map(monitor, views)
+    add_world_object(monitor, views)

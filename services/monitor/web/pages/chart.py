@@ -8,10 +8,11 @@ from typing import Any, Final
 from nicegui import ui
 
 from services.monitor.event_loop import CachedValue
-from services.monitor.history.archive import Archive, HistoryQuery
+from services.monitor.history.archive import Archive, HistoryQuery, WorldQuery
 from services.monitor.history.counting import Counts
 from services.monitor.history.state import HistoryError
 from services.monitor.web.pages.rows.formatting import NS
+from services.monitor.world.site_objects import SITE
 
 MAX_LINES: Final = 8
 """Maximum number of classes in one chart; those with the highest counts are shown."""
@@ -66,6 +67,16 @@ class Subject:
 
 
 @dataclass(frozen=True, slots=True)
+class StockSubject:
+    """The subject of a chart of stock: a zone of a site, or all of it, and a class or all, over the last seconds."""
+
+    site: str
+    zone: str = SITE
+    name: str = ""
+    seconds: int = 3_600
+
+
+@dataclass(frozen=True, slots=True)
 class Drawn:
     """Points of each class, or in words why there are none."""
 
@@ -80,9 +91,9 @@ class Charts:
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
-        self._kept: dict[Subject, CachedValue[Drawn]] = {}
+        self._kept: dict[Subject | StockSubject, CachedValue[Drawn]] = {}
 
-    async def of(self, subject: Subject) -> Drawn:
+    async def of(self, subject: Subject | StockSubject) -> Drawn:
         """Return a chart that is no older than MAX_AGE_S."""
         kept = self._kept.pop(subject, None) or CachedValue(lambda: self._draw(subject), MAX_AGE_S)
         self._kept[subject] = kept
@@ -90,20 +101,37 @@ class Charts:
             del self._kept[next(iter(self._kept))]
         return await kept.get()
 
-    async def _draw(self, subject: Subject) -> Drawn:
+    async def _draw(self, subject: Subject | StockSubject) -> Drawn:
         until_ns = time.time_ns()
         since_ns = until_ns - subject.seconds * NS
-        asked = HistoryQuery(since_ns, until_ns, subject.robot, subject.camera, subject.name, subject.text)
         try:
-            counts = await self._archive.counts(asked)
+            counts = await self._count(subject, since_ns, until_ns)
         except HistoryError as error:
             return Drawn({}, since_ns, until_ns, problem=str(error))
         return Drawn(counts_over_time(counts), since_ns, until_ns)
+
+    async def _count(self, subject: Subject | StockSubject, since_ns: int, until_ns: int) -> Counts:
+        if isinstance(subject, StockSubject):
+            asked = WorldQuery(since_ns, until_ns, site=subject.site, name=subject.name, zone=subject.zone)
+            return await self._archive.stock_counts(asked)
+        return await self._archive.counts(
+            HistoryQuery(since_ns, until_ns, subject.robot, subject.camera, subject.name, subject.text)
+        )
 
 
 def chart() -> ui.echart:
     """Make an empty chart."""
     return ui.echart({"series": []}).classes("fs-chart")
+
+
+def show_chart(element: ui.echart, why_not: ui.label, drawn: Drawn, nothing: str) -> None:
+    """Show a chart, or why there is none. nothing: what is said of one without lines."""
+    reason = drawn.problem or ("" if drawn.lines else nothing)
+    why_not.set_text(reason)
+    why_not.set_visibility(bool(reason))
+    element.set_visibility(not reason)
+    element.options.clear()
+    element.options.update(options(drawn))
 
 
 def options(drawn: Drawn) -> dict[str, Any]:

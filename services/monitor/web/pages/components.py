@@ -72,6 +72,7 @@ ALERTS: Final = PageLink("Alerts", "/alerts", "notifications")
 MAP: Final = PageLink("Map", "/map", "map")
 HEALTH: Final = PageLink("Health", "/health", "monitor_heart")
 WALL: Final = "/wall"
+IN_VIEW: Final = "/in-view"
 PLACES: Final = (FLEET, INVENTORY, ALERTS, MAP, HEALTH)
 
 
@@ -94,6 +95,16 @@ class Links:
             f"<div>{place.name}</div>{count if place is ALERTS else ''}</a>"
             for place in PLACES
         )
+
+
+def tabs(*pages: tuple[str, str], here: str) -> None:
+    """Add links between pages of one subject, each an address and a label. here: the address of this page."""
+    links = "".join(
+        f'<a href="{path}" class="{"fs-here" if path == here else ""}"'
+        f"{' aria-current=page' if path == here else ''}>{escape(label)}</a>"
+        for path, label in pages
+    )
+    still(links, tag="nav").classes("fs-tabs").props('aria-label="Inventory"')
 
 
 def icon_of(name: str) -> str:

@@ -231,7 +231,7 @@ def nothing_yet(icon: str, what: str, *do: str, command: str = "", more: str = "
 
 
 def export_link(monitor: Monitor, what: str) -> None:
-    """Add a link to the last day of history as a file. what: sightings or alerts."""
+    """Add a link to the last day of history as a file. what: sightings, alerts or stock."""
     if monitor.settings.history != NONE:
         link = ui.link("Last day as CSV", f"/api/v1/history/export?what={what}&bom=true")
         link.classes("fs-link fs-small").props("download")

@@ -1,8 +1,9 @@
 """The map page: robots' poses and the last places of objects."""
 
+import asyncio
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from typing import Final
 
@@ -16,17 +17,20 @@ from services.monitor.formats import natural
 from services.monitor.join_address import endpoint_to_join
 from services.monitor.live_views.newest import LiveViews
 from services.monitor.live_views.robot_poses import MOST_ROBOTS, HeldRobots
-from services.monitor.map.drawing import MOST_SHOWN, STALE, Bounds, colour_of, is_fresh, svg_of
+from services.monitor.map.drawing import MOST_SHOWN, STALE, Bounds, colour_of, ground_of, is_fresh, svg_of
 from services.monitor.map.floor_plan import FloorPlan
+from services.monitor.map.footprints import AGES_S, DrawnObject, address_of, footprint, newest_of
 from services.monitor.map.last_seen import LastPoses, MapObject
-from services.monitor.map.pose import Pose, Whereabouts
+from services.monitor.map.pose import DrawnRobot, Pose, Whereabouts
 from services.monitor.map.sites import totals
 from services.monitor.monitor import Monitor
 from services.monitor.web.pages.components import MAP, still
 from services.monitor.web.pages.frame import nothing_yet, page_at, page_frame
+from services.monitor.web.pages.live_table import Choices
 from services.monitor.web.pages.picture_frame import VIEW_STYLE, PageVisibility
-from services.monitor.web.pages.rows.formatting import ago, plural
-from services.monitor.world.site_objects import ZoneCount
+from services.monitor.web.pages.rows.formatting import NS, ago, plural, seen_lately
+from services.monitor.world.shown_site import ShownSite, shown_site, site_names
+from services.monitor.world.site_objects import SITE, ZoneCount
 
 FOR_EVER: Final = {"Cache-Control": "private, max-age=31536000, immutable"}
 
@@ -47,7 +51,12 @@ def floor_plan_route(plan: FloorPlan) -> Route:
 
 REFRESH_S: Final = 1.0
 
-EVERY: Final = ""
+REDRAW_S: Final = 2.0
+"""How often the objects of a site that change all the time are drawn again."""
+
+AGING_S: Final = 10
+"""How often objects are drawn again because they are older by now."""
+
 MOST_LISTED: Final = 100
 ROBOT_ICON: Final = "navigation"
 
@@ -63,39 +72,57 @@ def add_map(monitor: Monitor, views: LiveViews) -> None:
             visibility = PageVisibility()
         while await visibility.begins():
             async with HeldRobots(views.robots) as held:
-                shown.refresh(await held.keep(shown.robots()), held.crowded)
+                await shown.refresh(await held.keep(shown.robots()), held.crowded)
                 while not await visibility.ends(REFRESH_S):
-                    shown.refresh(await held.keep(shown.robots()), held.crowded)
+                    await shown.refresh(await held.keep(shown.robots()), held.crowded)
 
 
 class _Map:
-    """The page's content. Its bounds only grow, so that it does not jump."""
+    """The page's content. Its bounds only grow, so that it does not jump.
+
+    Where a world model tells of a site, its objects are drawn, else what cameras have in view. The objects are drawn
+    again only when they, their ages or the area changed: they stay selected, and a map on which nothing changes costs
+    nothing.
+    """
 
     def __init__(self, monitor: Monitor, last_poses: LastPoses) -> None:
         self._monitor = monitor
         self._last_poses = last_poses
         plan = monitor.floor_plan
         self._plan = None if plan is None else (plan, url_of(plan))
+        self._join = endpoint_to_join(monitor.settings)
         self._bounds: Bounds | None = None
         self._placed = False
+        self._made: tuple[object, ...] = ()
+        self._drawn: tuple[object, ...] = ()
+        self._next_s = 0.0
+        self._shown = ShownSite()
+        self._objects: tuple[list[DrawnObject], int] = [], 0
+        self._here: set[str] = set()
+        self._known: set[str] = set()
+        choices = Choices()
+        self._chosen = choices["object"]
         with ui.element("div").classes("fs-view"):
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
                     _title("Map")
                     self._keys = still("").classes("fs-keys fs-small")
                     ui.element("div").classes("fs-spring")
-                    self._robot = ui.select({EVERY: "All robots"}, value=EVERY, on_change=self._forget_bounds).props(
-                        'dense outlined options-dense aria-label="Robot"'
-                    )
+                    self._site = _select("Site", "", choices["site"], self._forget_bounds)
+                    self._class = _select("Class", "All classes", choices["class"], self._forget_bounds)
+                    self._robot = _select("Robot", "All robots", choices["robot"], self._forget_bounds)
+                self._notice = ui.label().classes("fs-line fs-notice").props('role="status"')
                 self._sites = ui.label().classes("fs-line")
                 self._zones = ui.label().classes("fs-line")
-                self._picture = ui.html(sanitize=False).classes("fs-map")
+                with ui.element("div").classes("fs-map") as self._picture:
+                    self._ground = still("")
+                    self._over = still("").classes("fs-over")
                 self._empty = nothing_yet(
                     ROBOT_ICON,
                     "No position is known yet",
                     "Robots appear once their gateways send transforms from map to base_link, or they see two objects.",
                     "Objects appear once a distance service measures where they are:",
-                    command=f"fleetsight distance --connect {endpoint_to_join(monitor.settings)}",
+                    command=f"fleetsight distance --connect {self._join}",
                 )
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
@@ -105,58 +132,156 @@ class _Map:
 
     def robots(self) -> list[str]:
         """Return the robots to follow: the chosen one, or as many of those online as the limit allows."""
-        online = self._monitor.fleet.inventory.robots()
-        self._offer(sorted(online | self._last_poses.names(time.time_ns()), key=natural))
+        fleet, now_ns = self._monitor.fleet, time.time_ns()
+        names = site_names(fleet.world, fleet.sites)
+        _offer(self._site, "", names)
+        self._site.set_visibility(len(names) > 1)
+        self._shown = shown_site(fleet.world, fleet.sites, now_ns, chosen=self._site.value or "", join=self._join)
+        if len(names) > 1:
+            self._site.set_value(self._shown.name)
+        of_site = set(fleet.sites.robots(self._shown.name)) if len(names) > 1 else None
+        online = {each for each in fleet.inventory.robots() if of_site is None or each in of_site}
+        self._here = online
+        known = {each for each in self._last_poses.names(now_ns) if of_site is None or each in of_site}
+        _offer(self._robot, "All robots", sorted(online | known, key=natural))
+        self._known = known
         return [self._robot.value] if self._robot.value else sorted(online, key=natural)[:MOST_ROBOTS]
-
-    def _offer(self, robots: list[str]) -> None:
-        known = {EVERY: "All robots", **{name: name for name in robots}}
-        if self._robot.value not in known:
-            known[self._robot.value] = self._robot.value
-        if known != self._robot.options:
-            self._robot.set_options(known)
 
     def _forget_bounds(self) -> None:
         self._bounds = None
 
-    def refresh(self, whereabouts: Mapping[str, Whereabouts], crowded: str) -> None:
+    async def refresh(self, whereabouts: Mapping[str, Whereabouts], crowded: str) -> None:
         """Draw the current state."""
-        now_ns = time.time_ns()
+        now_ns, fleet = time.time_ns(), self._monitor.fleet
         poses = {name: where.pose() for name, where in whereabouts.items()}
-        online = self._monitor.fleet.inventory.robots()
-        known = {name: pose for name, pose in poses.items() if isinstance(pose, Pose) and name in online}
-        self._monitor.fleet.places.stand(known)
-        self._last_poses.take_seen(self._monitor.fleet.places.poses)
+        known = {name: pose for name, pose in poses.items() if isinstance(pose, Pose) and name in self._here}
+        fleet.places.stand(known)
+        self._last_poses.take_seen(fleet.places.poses)
         self._last_poses.take(known, now_ns)
-        robots = self._last_poses.robots(now_ns, online, robot=self._robot.value)
-        robots, more = robots[:MOST_SHOWN], len(robots) - MOST_SHOWN
-        marks = self._monitor.fleet.places.marks(now_ns, robot=self._robot.value)[:MOST_SHOWN]
-        points = [*((mark.x, mark.y) for mark in marks), *((robot.pose.x, robot.pose.y) for robot in robots)]
-        self._placed = self._placed or bool(points)
-        if self._plan is not None and not (points and self._robot.value):
-            points += self._plan[0].corners
-        sites = self._monitor.fleet.sites
-        zones = list(self._monitor.fleet.world.zones(sites, now_ns))
-        if not (points and self._robot.value):
-            points += [corner for each in zones for corner in each.zone.corners]
-        self._bounds = Bounds.around(points, self._bounds)
-        self._empty.set_visibility(not self._placed)
-        self._picture.set_visibility(self._bounds is not None)
+        every = self._last_poses.robots(now_ns, self._here, robot=self._robot.value)
+        every = [each for each in every if each.name in self._known | self._here]
+        robots, more = every[:MOST_SHOWN], len(every) - MOST_SHOWN
+        seen = self._shown.objects is None
+        marks = fleet.places.marks(now_ns, robot=self._robot.value)[:MOST_SHOWN] if seen else []
+        marks = [mark for mark in marks if self._class.value in ("", mark.name)]
+        await self._take_objects(marks, now_ns)
+        zones = [each for each in fleet.world.zones(fleet.sites, now_ns) if self._shown.name in ("", each.zone.site)]
+        self._bound(marks, robots, zones)
         if self._bounds is not None:
-            self._picture.set_content(svg_of(self._bounds, marks, robots, now_ns, self._plan, zones=zones))
+            await self._draw_ground(self._bounds, zones)
+            self._over.set_content(svg_of(self._bounds, marks, robots, now_ns))
         self._explain(marks, now_ns)
-        self._sites.set_text("; ".join(in_words(status) for status in sites.current(now_ns)))
+        self._notice.set_text(self._shown.notice)
+        self._notice.set_visibility(bool(self._shown.notice))
+        self._sites.set_text("; ".join(in_words(status) for status in fleet.sites.current(now_ns)))
         self._zones.set_text("; ".join(zone_in_words(each) for each in zones[:MOST_LISTED]))
         placed = {robot.name for robot in robots if robot.live}
         without = [f"{name}: {why}" for name, why in poses.items() if isinstance(why, str) and name not in placed]
         left_out = f"and {plural(more, 'robot')} more: choose one above" if more > 0 else ""
         self._missing.set_text("; ".join(filter(None, [*without[:5], crowded, left_out])))
 
+    async def _take_objects(self, marks: Sequence[MapObject], now_ns: int) -> None:
+        """Choose the objects to draw, unless nothing can have changed; in another thread, as there may be thousands."""
+        site = self._shown.objects
+        counts = {} if site is None else site.count(SITE)
+        names = {mark.name for mark in marks} if site is None else {name for name, count in counts.items() if count}
+        _offer(self._class, "All classes", sorted(names))
+        made = (
+            id(site),
+            0 if site is None else site.version,
+            self._shown.current,
+            self._class.value,
+            self._robot.value,
+            now_ns // (AGING_S * NS),
+        )
+        if made == self._made or (_but_version(made) == _but_version(self._made) and time.monotonic() < self._next_s):
+            return
+        self._made, self._next_s = made, time.monotonic() + REDRAW_S
+        self._objects = await asyncio.to_thread(
+            newest_of,
+            [] if site is None else list(site.objects.values()),
+            now_ns,
+            name=self._class.value,
+            robot=self._robot.value,
+            known=self._shown.current,
+        )
+
+    def _bound(self, marks: Sequence[MapObject], robots: Sequence[DrawnRobot], zones: Sequence[ZoneCount]) -> None:
+        points = [*((mark.x, mark.y) for mark in marks), *((robot.pose.x, robot.pose.y) for robot in robots)]
+        points += [corner for each in self._objects[0] for corner in footprint(each.of)]
+        self._placed = self._placed or bool(points)
+        if not (points and self._robot.value):
+            points += [] if self._plan is None else self._plan[0].corners
+            points += [corner for each in zones for corner in each.zone.corners]
+        self._bounds = Bounds.around(points, self._bounds)
+        self._empty.set_visibility(not self._placed)
+        self._picture.set_visibility(self._bounds is not None)
+
+    async def _draw_ground(self, bounds: Bounds, zones: Sequence[ZoneCount]) -> None:
+        drawn = (self._made, bounds, [(each.current, dict(each.objects)) for each in zones])
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        objects, chosen = self._objects[0], self._chosen
+        svg = await asyncio.to_thread(ground_of, bounds, self._plan, zones=zones, objects=objects, chosen=chosen)
+        self._ground.set_content(svg)
+
     def _explain(self, marks: Sequence[MapObject], now_ns: int) -> None:
+        if self._shown.objects is not None:
+            objects, count = self._objects
+            self._keys.set_content(object_keys(objects))
+            self._list.set_content(
+                "".join(object_row(each, now_ns) for each in objects[:MOST_LISTED]) + rest_row(count - MOST_LISTED)
+            )
+            return
         self._keys.set_content(keys(marks, now_ns))
-        more = len(marks) - MOST_LISTED
-        rest = f'<div class="fs-line fs-muted">and {plural(more, "more", "more")}</div>' if more > 0 else ""
-        self._list.set_content("".join(row(mark, now_ns) for mark in marks[:MOST_LISTED]) + rest)
+        rows = "".join(row(mark, now_ns) for mark in marks[:MOST_LISTED])
+        self._list.set_content(rows + rest_row(len(marks) - MOST_LISTED))
+
+
+def _select(label: str, every: str, value: str, changed: Callable[[], None]) -> ui.select:
+    """Return a field to choose with. every: what stands for no choice; empty if there has to be one."""
+    options = {value: value} if value else {}
+    field = ui.select({**({"": every} if every or not value else {}), **options}, value=value, on_change=changed)
+    return field.props(f'dense outlined options-dense aria-label="{label}"')
+
+
+def _offer(field: ui.select, every: str, names: Sequence[str]) -> None:
+    known = {**({"": every} if every or not names else {}), **{name: name for name in names}}
+    if field.value not in known:
+        known[field.value] = field.value
+    if known != field.options:
+        field.set_options(known)
+
+
+def _but_version(made: tuple[object, ...]) -> tuple[object, ...]:
+    return made[:1] + made[2:]
+
+
+def rest_row(more: int) -> str:
+    """Return the last line of a list of which more is not shown, as HTML."""
+    return f'<div class="fs-line fs-muted">and {plural(more, "more", "more")}</div>' if more > 0 else ""
+
+
+def object_keys(objects: Sequence[DrawnObject]) -> str:
+    """Return the legend of a world model's objects as HTML, with how many are drawn of each class."""
+    counts = Counter(each.of.name for each in objects)
+    return "".join(
+        f"<span>{_dot(colour_of(name))}<span>{count} {escape(name)}</span></span>"
+        for name, count in sorted(counts.items())
+    )
+
+
+def object_row(each: DrawnObject, now_ns: int) -> str:
+    """Return an object as HTML for the list: a link to its page."""
+    of = each.of
+    long = each.age == len(AGES_S)
+    return (
+        f'<a class="fs-row {"fs-stale" if long else ""}" href="{address_of(of)}" data-object="{escape(of.id)}">'
+        f"{_dot(colour_of(of.name) if each.age < len(AGES_S) else STALE)}<div>{escape(f'{of.name} {of.id}')}</div>"
+        f'<div class="fs-far">{seen_lately(of.last_ns, now_ns)}</div>'
+        f'<div class="fs-more">at {of.at[0]:.1f}, {of.at[1]:.1f} m</div></a>'
+    )
 
 
 def in_words(status: SiteStatus) -> str:

@@ -157,7 +157,7 @@ def test_acts_that_wait_are_corrected_too() -> None:
     monitor.history.act(Act("a1", AlertState.ACKNOWLEDGED, "ann", AHEAD_NS + S))
     monitor.history._correct(Correction(AHEAD_NS, AHEAD_NS), S)
     wanted = Act("a1", AlertState.ACKNOWLEDGED, "ann", S)
-    assert (monitor.history.acts.of("a1"), list(monitor.history._new_acts)) == ((wanted,), [wanted])
+    assert (monitor.history.acts.of("a1"), monitor.history._alerts.snapshot()[1]) == ((wanted,), {wanted})
 
 
 async def test_what_a_clock_that_was_ahead_had_kept_is_corrected_and_the_rest_stays(url: str) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from typing import Final
 
 import pytest
@@ -11,7 +12,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from schemas.alerts import AlertState
 from services.monitor.history import archive as archive_module
 from services.monitor.history import row_maintenance
-from services.monitor.history.archive import Archive, HistoryQuery
+from services.monitor.history.archive import Archive, HistoryQuery, WorldQuery
 from services.monitor.history.counting import SLOTS
 from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.opening import connect
@@ -29,6 +30,8 @@ ROWS: Final = {
     "intervals": 1_000_000,
     "presence": 200_000,
     "disagreements": 100_000,
+    "stock": 100_000,
+    "object_events": 200_000,
     "alerts": 300_000,
     "acts": 10_000,
     "forgotten": 20_000,
@@ -131,6 +134,13 @@ async def test_every_query_of_a_long_history_is_answered(url: str, monkeypatch: 
             assert none.most == {}
         one = await archive.counts(HistoryQuery((NOW_S - DAYS_S) * S, NOW_S * S, robot="r3", name="box"))
         assert len(one.most["box"]) == SLOTS, "one robot's are counted exactly"
+        month = WorldQuery((NOW_S - DAYS_S) * S, NOW_S * S, site="hall")
+        for world in (month, WorldQuery(), replace(month, name="box"), replace(month, since_ns=(NOW_S - 60) * S)):
+            assert len(await archive.stock(world, 200)) in range(1, 201)
+            assert len(await archive.object_events(world, 200)) in range(1, 201)
+        assert len(await archive.object_events(WorldQuery(site="hall", object="o7"), 200)) == 10
+        held = await archive.stock_counts(replace(month, zone="zone 3"))
+        assert held.most.keys() == {"box", "pallet", "forklift"}
         before = await rows_read(url, store)
         with monkeypatch.context() as patch:
             steps = counted_steps(patch)

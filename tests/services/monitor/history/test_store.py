@@ -1,6 +1,5 @@
 import asyncio
 import os
-import resource
 import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -8,26 +7,29 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from sqlalchemy import inspect, update
+from msgspec.structs import replace
+from sqlalchemy import inspect
 from sqlalchemy.schema import DropIndex, DropTable
 
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
 from services.monitor.history import row_maintenance
 from services.monitor.history import store as module
-from services.monitor.history.archive import Archive, HistoryQuery
+from services.monitor.history.archive import Archive, HistoryQuery, WorldQuery
 from services.monitor.history.intervals import Disagreement, Interval
 from services.monitor.history.presence import Presence
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 from services.monitor.history.tables import (
+    alert_objects,
     clock_doubt,
     disagreements,
-    intervals,
+    object_events,
     open_alerts,
     poses,
     presence,
     schema_version,
+    stock,
     webhook_backlog,
 )
 from services.monitor.map.pose import Pose
@@ -114,9 +116,11 @@ async def test_a_database_without_what_came_later_is_read_and_then_completed(url
     async with opened(url) as store:
         await store.write([interval(1, 2)], [alert()], 2 * S)
         async with store._connection.begin():
-            for later in (DropTable(clock_doubt), DropTable(webhook_backlog), DropIndex(open_alerts)):
-                await store._connection.execute(later)
+            for table in (clock_doubt, webhook_backlog, stock, object_events, alert_objects):
+                await store._connection.execute(DropTable(table))
+            await store._connection.execute(DropIndex(open_alerts))
     assert await Archive(url).alerts(HistoryQuery(), 9, states=[AlertState.RAISED]) == [alert()]
+    assert await Archive(url).object_events(WorldQuery(), 9) == []
     async with opened(url) as store:
         assert (await store.load(0)).alerts == [alert()]
         assert await store.clock_doubt() == (None, False)
@@ -136,6 +140,26 @@ async def test_of_each_class_that_ended_the_last_interval_is_known_and_of_each_p
         assert sorted((await store.load(0)).intervals, key=last.index) == last
         assert (await store.load(5 * S)).intervals == [last[2], last[0]]
         assert await store.last_present() == {**dict.fromkeys(places, 4 * S), ("r9", "c"): 20 * S}
+
+
+async def test_an_alert_s_site_and_object_are_kept_with_it_and_deleted_with_it(url: str) -> None:
+    of_site = replace(alert(), id="s", site="hall", state=AlertState.RAISED)
+    of_object = replace(of_site, id="o", object="a\0b", changed_ns=5 * S)
+    kept = replace(of_object, object="a\N{SYMBOL FOR NULL}b")
+    async with opened(url) as store:
+        await store.write([], [alert(), of_site, of_object], 9 * S)
+        await store.owe([("ops", of_object)], [])
+        state = await store.load(0)
+        assert sorted(state.alerts, key=lambda each: each.id) == [alert(), kept, of_site]
+        assert state.owed == [("ops", kept)]
+        found = await Archive(url).alerts(HistoryQuery(), 9)
+        assert {(each.id, each.site, each.object) for each in found} == {
+            ("a1", "", ""), ("s", "hall", ""), ("o", "hall", kept.object)
+        }  # fmt: skip
+        await store.write([], [replace(of_object, state=AlertState.RESOLVED)], 9 * S)
+        assert await store.prune(99 * S)
+        left = (await store._connection.execute(alert_objects.select())).all()
+        assert [row.alert_id for row in left] == ["s"]
 
 
 async def test_where_robots_were_last_is_kept(url: str) -> None:
@@ -265,66 +289,3 @@ async def test_what_was_so_last_is_found_without_a_look_at_all_history(tmp_path:
             assert await store.last_present() == {("r1", ""): 4_999 * S}
         assert len(await store.select(Interval, since_ns=4_990 * S)) == 10
         assert len(steps) < 5_000
-
-
-@pytest.mark.parametrize(
-    ("bad", "reason"),
-    [
-        ("mysql://somebody@127.0.0.1/db", "not the URL of a database"),
-        ("sqlite:////proc/nowhere/history.db", "nowhere"),
-        ("postgresql://somebody@127.0.0.1:1/db", "refused|Connect"),
-    ],
-)
-async def test_a_database_that_cannot_be_had_is_one_line(bad: str, reason: str) -> None:
-    with pytest.raises(HistoryError, match=reason) as raised:
-        await Store.open(bad)
-    assert "\n" not in str(raised.value)
-
-
-async def test_rows_that_are_not_ours_are_an_error(url: str) -> None:
-    async with opened(url) as store:
-        await store.write([there(1, 2)], [], 2 * S)
-        async with store._connection.begin():
-            await store._connection.execute(update(presence).values(robot="<b>"))
-        with pytest.raises(HistoryError, match="robot name '<b>'"):
-            await store.select(Presence)
-        with pytest.raises(HistoryError, match="robot name '<b>'"):
-            await store.last_present()
-        await store.write([interval(1, 2)], [], 2 * S)
-        async with store._connection.begin():
-            await store._connection.execute(update(intervals).values(robot="<b>"))
-        with pytest.raises(HistoryError, match="robot name '<b>'"):
-            await every(store)
-
-
-async def test_a_full_disk_is_an_error_and_loses_nothing_that_was_kept(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path}/history.db"
-    async with opened(url) as store:
-        await store.write([interval(1, 2)], [], 2 * S)
-        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, hard))
-        try:
-            with pytest.raises(HistoryError, match="disk"):
-                await store.write([interval(number, number + 1) for number in range(2, 5_000)], [], 3 * S)
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    async with opened(url) as store:
-        assert await every(store) == [interval(1, 2)]
-        await store.write([interval(2, 3)], [], 3 * S)
-        assert len(await every(store)) == 2
-
-
-async def test_a_server_that_is_gone_is_an_error_and_may_come_back(postgresql: PostgreSQL) -> None:
-    url = postgresql.create("restarted")
-    async with opened(url) as store:
-        assert await store.lead()
-        await store.write([interval(1, 2)], [], 2 * S)
-        await asyncio.to_thread(postgresql.stop)
-        with pytest.raises(HistoryError):
-            await store.write([interval(2, 3)], [], 3 * S)
-    with pytest.raises(HistoryError):
-        await Store.open(url)
-    await asyncio.to_thread(postgresql.start)
-    async with opened(url) as store:
-        assert await store.lead()
-        assert await every(store) == [interval(1, 2)]

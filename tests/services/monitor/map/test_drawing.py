@@ -4,12 +4,14 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from services.monitor.liveness import OBJECT_FRESH_NS
-from services.monitor.map.drawing import MOST_SHOWN, Bounds, colour_of, is_fresh, svg_of
+from services.monitor.map.drawing import MOST_SHOWN, Bounds, colour_of, ground_of, is_fresh, svg_of
 from services.monitor.map.floor_plan import FloorPlan
+from services.monitor.map.footprints import DrawnObject
 from services.monitor.map.last_seen import MapObject
 from services.monitor.map.pose import DrawnRobot, Pose
 from services.monitor.world.site_objects import ZoneCount
 from services.monitor.world.zones import Zone
+from tests.services.monitor.world.test_site_objects import thing
 
 NOW = 1_000_000_000_000
 BOUNDS = Bounds(-2, -2, 10, 5)
@@ -50,23 +52,25 @@ def test_east_is_right_and_north_is_up_on_one_scale() -> None:
 
 def test_a_zone_is_drawn_where_it_is_below_objects_with_what_is_in_it() -> None:
     zone = Zone(name="<dock>", corners=((0, 0), (4, 0), (4, 3)))
-    svg = drawn(svg_of(BOUNDS, [mark(0, 0), mark(4, 3)], [], NOW, zones=[ZoneCount(zone, {"box": 2}, current=True)]))
-    far, near = svg.findall("circle")
+    far, near = drawn(svg_of(BOUNDS, [mark(0, 0), mark(4, 3)], [], NOW)).findall("circle")
+    svg = drawn(
+        ground_of(BOUNDS, zones=[ZoneCount(zone, {"box": 2}, current=True)], objects=[DrawnObject(thing("a", 1), 0)])
+    )
     group = next(each for each in svg if each.get("class") == "zone")
-    assert list(svg).index(group) < list(svg).index(far)
+    assert list(svg).index(group) < [each.get("class") for each in svg].index("things age0")
     polygon = group.find("polygon")
     assert polygon is not None
     corners = polygon.get("points", "").split()
     assert (corners[0], corners[2]) == tuple(f"{each.get('cx')},{each.get('cy')}" for each in (near, far))
     assert [each.text for each in group if each.text] == ["<dock>: 2 box", "<dock>"]
-    unknown = svg_of(BOUNDS, [], [], NOW, zones=[ZoneCount(zone, {"box": 2}, current=False)])
+    unknown = ground_of(BOUNDS, zones=[ZoneCount(zone, {"box": 2}, current=False)])
     assert "&lt;dock&gt;: not known" in unknown
 
 
 def test_the_floor_plan_lies_under_everything_where_its_corner_is_and_turned_about_it() -> None:
     plan = FloorPlan(b"", 3.0, 2.0, 1.0, 1.0, 0.5, ())
-    svg = drawn(svg_of(BOUNDS, [mark(1, 1), mark(2, 1)], [], NOW, (plan, "/plan.png?a&b")))
-    right, corner = svg.findall("circle")
+    svg = drawn(ground_of(BOUNDS, (plan, "/plan.png?a&b")))
+    right, corner = drawn(svg_of(BOUNDS, [mark(1, 1), mark(2, 1)], [], NOW)).findall("circle")
     per_m = float(right.get("cx", "")) - float(corner.get("cx", ""))
     group = svg[0]
     assert group.get("transform") == f"translate({corner.get('cx')} {corner.get('cy')}) rotate(-28.65)"
@@ -105,7 +109,7 @@ def test_the_picture_is_bounded() -> None:
     assert len(re.findall("<circle", text)) == MOST_SHOWN
     assert "far" not in text
     assert len(text) < 150 * MOST_SHOWN
-    wide = svg_of(Bounds(-100_000, -100_000, 100_000, 100_000), [], [], NOW)
+    wide = ground_of(Bounds(-100_000, -100_000, 100_000, 100_000))
     assert len(re.findall("<line", wide)) < 30
 
 

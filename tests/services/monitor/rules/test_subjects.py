@@ -4,8 +4,8 @@ import random
 
 from services.monitor.rules.subjects import SLACK, PendingSubjects, SubjectKey
 
-A: SubjectKey = ("r1", "front", "box")
-B: SubjectKey = ("r2", "front", "box")
+A: SubjectKey = ("r1", "front", "box", "")
+B: SubjectKey = ("r2", "front", "box", "")
 
 
 def ripe(waiting: PendingSubjects) -> dict[str, list[SubjectKey]]:
@@ -59,7 +59,7 @@ def test_it_is_as_looking_through_everything_would_be() -> None:
     rng, waiting = random.Random(1), PendingSubjects()  # noqa: S311 - no secrets
     plain: dict[tuple[str, SubjectKey], int] = {}
     for now in range(2_000):
-        key = (rng.choice("ab"), rng.choice([A, B, ("r3", "", "")]))
+        key = (rng.choice("ab"), rng.choice([A, B, ("r3", "", "", "")]))
         if key in plain and rng.random() < 0.7:
             del plain[key]
             waiting.discard(*key)

@@ -28,6 +28,7 @@ from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.users import Kind, Login, Role, User, digest_of, new_secret
 from services.monitor.web.process import open_listener, url_of
 from services.monitor.web.server import serve
+from services.monitor.world.site_objects import World
 from tests.services.monitor.alerting.hearing import hears
 
 PASSWORD: Final = "correct horse battery"  # noqa: S105 - nobody's
@@ -57,9 +58,10 @@ def monitor_on(bus: Bus, *, plan: FloorPlan | None = None, **given: Any) -> Moni
     """Return a monitor without history, unless `given` settings say otherwise; nothing of it runs."""
     settings = MonitorSettings(**{"history": "none", "web_port": 0, **given})
     fleet = Fleet("clock")
+    fleet.world = World(on=settings.follows_world)
     rules = RuleFile(settings.rules)
     alerting = Alerting(rules, fleet.inventory, hears(), settle_s=0)
-    history = HistoryKeeper(settings, fleet.inventory, alerting.lead)
+    history = HistoryKeeper(settings, fleet.inventory, alerting.lead, world=(fleet.world, fleet.sites))
     return Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus), plan)
 
 

@@ -11,10 +11,11 @@ from services.monitor.map.pose import Pose
 from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.model import RuleBook, WorldRule
-from services.monitor.world.conditions import MAX_IDS, WorldConditions, remarks_on_zones
+from services.monitor.world.conditions import MAX_IDS, MOST_ALERTS, WorldConditions, remarks_on_zones
 from services.monitor.world.floor import floor_of
 from services.monitor.world.site_objects import MAX_TRANSITIONS, World
 from services.monitor.world.zones import Zone
+from tests.schemas.results import alert
 from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.rules.ruling import book
 from tests.services.monitor.world.test_site_objects import DOCK, RACK, change, changes, thing
@@ -142,8 +143,15 @@ def test_an_object_is_near_a_robot_whoever_saw_it_and_the_alert_is_the_robot_s()
     assert hall.at(1) == ["raised box a is 1.50 m from r1, nearer than 2 m"]
     assert [(each.robot, each.camera, each.name) for each in hall.engine.alerts()] == [("r1", "", "box")]
     assert hall.at(60) == []  # the robot's place is not known any more
+    hall.change((APPEARED, thing("c", 1.0)))
+    assert hall.at(60.5) == []
     hall.poses["r1"] = Pose(0.5, 1.0, 0.0, 1_061 * S)
-    assert hall.at(61) == ["resolved box a is 1.50 m from r1, nearer than 2 m"]
+    assert sorted(hall.at(61)) == [
+        "raised box c is 0.50 m from r1, nearer than 2 m",
+        "resolved box a is 1.50 m from r1, nearer than 2 m",
+    ]
+    hall.change((APPEARED, thing("d", 1.5)))
+    assert hall.at(62) == ["raised box d is 1.00 m from r1, nearer than 2 m"]
 
 
 @pytest.mark.parametrize("why", ["behind", "stale"])
@@ -158,17 +166,47 @@ def test_while_a_site_is_not_known_nothing_is_raised_or_resolved(why: str) -> No
     assert len(hall.at(late_s + 1)) == 2
 
 
-def test_an_alert_of_an_earlier_monitor_about_what_entered_ends_when_the_zone_has_none_of_the_class() -> None:
+def test_a_rule_that_holds_for_several_objects_raises_an_alert_for_each() -> None:
+    hall = Hall(rule("enters", cooldown_s=60))
+    hall.at(0)
+    hall.change((APPEARED, thing("a", 1)), (APPEARED, thing("b", 1)))
+    assert sorted(hall.at(1)) == ["raised box a entered hall/dock", "raised box b entered hall/dock"]
+    alerts = {each.object: each for each in hall.engine.alerts()}
+    assert {(each.site, each.name, each.link) for each in alerts.values()} == {
+        ("hall", "box", "/world/hall/a"),
+        ("hall", "box", "/world/hall/b"),
+    }
+    hall.engine.acknowledge(alerts["a"].id, 1_001 * S)
+    hall.change((MOVED, thing("b", 9)), (APPEARED, thing("c", 1)))
+    assert sorted(hall.at(2)) == [
+        "acknowledged box a entered hall/dock",
+        "raised box c entered hall/dock",
+        "resolved box b entered hall/dock",
+    ]
+    hall.change((MOVED, thing("b", 1)))
+    assert hall.at(3) == []  # its cooldown, which is no other's
+    assert hall.at(61) == ["raised box b entered hall/dock"]
+
+
+def test_an_alert_of_an_earlier_monitor_about_what_entered_ends_when_that_object_is_not_there_any_more() -> None:
     before = Hall(rule("enters"))
     before.at(0)
-    before.change((APPEARED, thing("a", 1)))
+    before.change((APPEARED, thing("a", 1)), (APPEARED, thing("b", 1)))
     before.at(1)
     hall = Hall(rule("enters"))
-    hall.objects.replace("e", 0, [thing("a", 1)])
+    hall.objects.replace("e", 0, [thing("a", 1), thing("c", 1)])
     hall.engine.restore(before.engine.alerts(), 1_002 * S)
-    assert hall.at(2) == []
+    hall.conditions.adopt(hall.engine.alerts())
+    assert hall.at(2) == ["resolved box b entered hall/dock"]
     hall.change((MOVED, thing("a", 9)))
     assert hall.at(3) == ["resolved box a entered hall/dock"]
+
+
+def test_an_alert_without_an_object_of_an_earlier_release_is_resolved() -> None:
+    hall = Hall(rule("enters"))
+    old = msgspec.structs.replace(alert(), rule="rule 0", robot="", camera="", name="box")
+    hall.engine.restore([old], 1_000 * S)
+    assert hall.at(0) == [f"resolved {old.text}"]
 
 
 def test_what_happened_before_a_monitor_leads_or_a_rule_is_in_force_does_not_count() -> None:
@@ -191,7 +229,7 @@ def test_a_zone_that_is_not_there_says_nothing_and_is_remarked_on() -> None:
     assert hall.at(0) == []
     assert list(remarks_on_zones(of_sites(hall.engine.book), hall.world)) == [
         "rule 'rule 0': site hall has no zone 'dok'",
-        "rule 'rule 1': site yard is not followed; add a zone of it to --zones",
+        "rule 'rule 1': site yard is not followed: no world model has told of it",
     ]
 
 
@@ -247,8 +285,12 @@ def test_what_is_remembered_is_limited() -> None:
         hall.at(3 * round_ + 1)
         hall.change(*((GONE, thing(name, 1)) for name in names))
         hall.at(3 * round_ + 2)
-    (said,) = hall.at(10)
-    assert f"o1-{MAX_IDS - 1} and {MAX_IDS - 3} more" in said
+    told = hall.at(10)
+    assert len(told) == MOST_ALERTS
+    assert "raised box o1-9999 left hall/dock" in told
+    assert list(hall.conditions.problems()) == ["rule 'rule 0' holds for 10,000 objects; 100 of them have alerts"]
+    hall.at(1_010)
+    assert list(hall.conditions.problems()) == []
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ from schemas import codec, worker_keys
 from schemas.worker_keys import WorldStream
 from schemas.world import ChangeKind, FloorLooks, WorldAnswer, WorldChanges, WorldObject, WorldRequest
 from services.monitor.map.sites import Sites
-from services.monitor.world.following import follow_world
-from services.monitor.world.site_objects import World
+from services.monitor.world.following import ask_for_object, follow_world
+from services.monitor.world.site_objects import SITE, World
 from tests.contract.waiting import until
 from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.world.test_conditions import looks
@@ -44,7 +44,7 @@ class Model:
             site="hall",
             epoch="e",
             last=self.last,
-            now_ns=0,
+            now_ns=7,
             objects=found[: self.most],
             complete=len(found) <= self.most,
         )
@@ -66,8 +66,8 @@ class Hall:
 
 
 @asynccontextmanager
-async def hall_of(model: Model, *, serves: bool = True) -> AsyncIterator[Hall]:
-    network, world, sites = FakeNetwork(), World([DOCK]), Sites()
+async def hall_of(model: Model, *, serves: bool = True, zones: bool = True) -> AsyncIterator[Hall]:
+    network, world, sites = FakeNetwork(), World([DOCK] if zones else ()), Sites()
     sites.take(status("hall", box=1, pallet=1), time_ns())
     async with AsyncExitStack() as stack:
         theirs, ours = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
@@ -142,10 +142,32 @@ async def test_the_floor_is_asked_for_while_a_rule_needs_it() -> None:
         assert objects.floor["dock"].share_seen(30, objects.floor["dock"].at_ns) == 1
 
 
-async def test_without_zones_nothing_is_subscribed() -> None:
-    network = FakeNetwork()
+async def test_a_site_that_a_world_model_tells_of_is_followed_though_it_has_no_zones() -> None:
+    async with hall_of(Model([thing("a", 1)], last=1), zones=False) as hall:
+        assert not hall.world.sites
+        hall.world.hear(status("hall", box=1))
+        await until(lambda: "a" in hall.world.sites["hall"].objects)
+        assert hall.world.sites["hall"].count(SITE) == {"box": 1}
+
+
+async def test_a_world_that_is_off_subscribes_to_nothing() -> None:
+    network, world = FakeNetwork(), World(on=False)
+    world.hear(status("hall"))
     async with network.open_bus() as theirs, network.open_bus() as ours:
-        await follow_world(ours, World(), Sites())  # ends at once, as there is nothing to follow
+        await follow_world(ours, world, Sites())  # ends at once, as there is nothing to follow
         async with theirs.publisher(KEY, QoS.RESULT, encoding=codec.encoding(WorldChanges)) as publisher:
             await asyncio.sleep(0.1)
             assert not publisher.wanted
+
+
+async def test_one_object_is_asked_for_as_it_is_now() -> None:
+    model = Model([thing("a", 1)], last=1)
+    async with hall_of(model) as hall:
+        await until(lambda: hall.boxes == 1)
+        model.objects = [thing("b", 1), thing("a", 1.5)]
+        found = await ask_for_object(hall.bus, thing("a", 1))
+        assert found is not None
+        assert (found.of, found.now_ns) == (thing("a", 1.5), 7)
+        assert await ask_for_object(hall.bus, thing("gone", 1)) is None
+        model.refuses = "not now"
+        assert await ask_for_object(hall.bus, thing("a", 1)) is None

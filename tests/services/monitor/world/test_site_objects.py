@@ -1,10 +1,14 @@
+from collections import Counter
+from time import time_ns
+
 import msgspec
 import pytest
 
 from schemas.space import Vector
 from schemas.world import ChangeKind, WorldChange, WorldChanges, WorldObject
+from services.monitor.fleet import Fleet
 from services.monitor.map.sites import FRESH_NS, Sites
-from services.monitor.world.site_objects import MAX_BUFFERED, SiteObjects, World
+from services.monitor.world.site_objects import MAX_BUFFERED, MAX_FOLLOWED, SITE, SiteObjects, World
 from services.monitor.world.zones import Zone
 from tests.services.monitor.map.test_sites import status
 
@@ -33,6 +37,15 @@ def change(kind: ChangeKind, of: WorldObject) -> WorldChange:
 
 def changes(first: int, *some: WorldChange, epoch: str = "e") -> WorldChanges:
     return WorldChanges(site="hall", epoch=epoch, first=first, sent_ns=0, changes=list(some))
+
+
+def tell_of(fleet: Fleet, *objects: WorldObject, site: str = "hall", for_s: int = 3_600) -> None:
+    """Have a fleet know all objects of a site, whose world model counts as there for so long."""
+    of_class = Counter(each.name for each in objects)
+    told = msgspec.structs.replace(status(site), objects=dict(of_class))
+    fleet.sites.take(told, time_ns() + for_s * 10**9)
+    fleet.world.hear(told)
+    fleet.world.sites[site].replace("e", 0, objects)
 
 
 APPEARED, MOVED, GONE, BACK, MERGED, SEEN = (ChangeKind(kind) for kind in ChangeKind)
@@ -118,6 +131,40 @@ def test_changes_that_a_status_told_of_and_that_never_came_are_noticed_at_the_ne
     assert not hall.is_behind
     hall.hear(msgspec.structs.replace(told, epoch="f"))
     assert hall.is_behind
+
+
+def test_what_happened_is_handed_out_once_also_what_the_answer_with_all_objects_has_in_it(hall: SiteObjects) -> None:
+    hall.take(changes(1, change(APPEARED, thing("a", 1)), change(SEEN, thing("a", 1)), change(MOVED, thing("a", 7))))
+    assert [(each.kind, each.object.id) for each in hall.take_events()] == [(APPEARED, "a"), (MOVED, "a")]
+    assert hall.take_events() == []
+    hall.take(changes(9, *(change(kind, thing("b", 1)) for kind in (APPEARED, MOVED, GONE))))
+    assert hall.take_events() == []
+    hall.replace("e", 10, [thing("b", 1)])
+    assert [each.kind for each in hall.take_events()] == [APPEARED, GONE]
+    assert hall.objects == {}
+
+
+def test_all_of_a_site_is_counted_and_its_version_grows_with_every_change(hall: SiteObjects) -> None:
+    before = hall.version
+    hall.take(changes(1, change(APPEARED, thing("a", 1)), change(APPEARED, thing("far", 90))))
+    assert (hall.count(SITE), hall.count("dock")) == ({"box": 2}, {"box": 1})
+    assert hall.version == before + 2
+    newer = msgspec.structs.replace(thing("a", 1), last_ns=9)
+    hall.take(changes(3, change(SEEN, newer)))
+    assert (hall.objects["a"].of.last_ns, hall.objects["a"].zones, hall.version) == (9, ("dock",), before + 3)
+    hall.take(changes(4, change(GONE, newer)))
+    assert (hall.count(SITE), hall.version) == ({"box": 1}, before + 4)
+
+
+def test_sites_are_followed_as_they_are_told_of_up_to_a_limit() -> None:
+    world, off = World([DOCK]), World(on=False)
+    for number in range(MAX_FOLLOWED + 1):
+        for each in (world, off):
+            each.hear(status(f"s{number}"))
+    assert len(world.sites) == MAX_FOLLOWED
+    (problem,) = world.problems()
+    assert problem.startswith(f"site s{MAX_FOLLOWED} is not followed, as {MAX_FOLLOWED} others are: run another")
+    assert (off.sites, list(off.problems())) == ({}, [])
 
 
 def test_of_too_many_objects_the_first_are_followed_and_that_is_told() -> None:

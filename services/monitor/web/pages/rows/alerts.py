@@ -9,6 +9,7 @@ from schemas.alerts import Alert, AlertState, Severity
 from services.monitor.formats import natural
 from services.monitor.history.state import Act
 from services.monitor.inventory.inventory import Inventory
+from services.monitor.map.footprints import address_of_id
 from services.monitor.snapshot import known_until_ns
 from services.monitor.web.pages.rows.formatting import NOTHING, WHEN, ago, iso
 
@@ -118,6 +119,8 @@ def alert_row(alert: Alert, acts: Sequence[Act], now_ns: int, *, may_act: bool, 
         "rule": alert.rule,
         "robot": alert.robot,
         "camera": alert.camera,
+        "object": alert.object,
+        "href": address_of_id(alert.site, alert.object) if alert.object else "",
         "state": alert.state,
         "raised": ago(alert.raised_ns, now_ns),
         "raised_at": iso(alert.raised_ns),
@@ -129,7 +132,10 @@ def alert_row(alert: Alert, acts: Sequence[Act], now_ns: int, *, may_act: bool, 
 
 
 def _says(alert: Alert, text: str) -> bool:
-    return any(text in each.casefold() for each in (alert.text, alert.rule, alert.robot, alert.camera, alert.name))
+    return any(
+        text in each.casefold()
+        for each in (alert.text, alert.rule, alert.robot, alert.camera, alert.name, alert.object)
+    )
 
 
 SEVERITY: Final = """<span :class="'fs-severity fs-' + props.row.severity">{{ props.row.severity }}</span>"""
@@ -138,6 +144,7 @@ WHERE: Final = """
 <a v-if="props.row.camera" class="fs-link"
   :href="'/cameras/' + encodeURIComponent(props.row.robot) + '/' + encodeURIComponent(props.row.camera)"
   ><b>{{ props.row.robot }}</b>/{{ props.row.camera }}</a><b v-else>{{ props.row.robot }}</b>
+<a v-if="props.row.object" class="fs-link" :href="props.row.href">{{ props.row.object }}</a>
 """
 
 DEED_BUTTONS: Final = """

@@ -21,6 +21,14 @@ def ago(then_ns: int, now_ns: int) -> str:
     return f"{lasting((now_ns - then_ns) / NS)} ago" if now_ns - then_ns >= NS else "now"
 
 
+LATELY_NS: Final = 60 * NS
+
+
+def seen_lately(then_ns: int, now_ns: int) -> str:
+    """Return the age of an object, whose world model tells of it again every ten seconds or so while it is in view."""
+    return "now" if now_ns - then_ns < LATELY_NS else ago(then_ns, now_ns)
+
+
 def lasting(seconds: float) -> str:
     """Return a duration in whole units, of the largest that fits; 0 s below a second."""
     for size, unit in UNITS:

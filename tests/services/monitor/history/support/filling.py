@@ -24,6 +24,10 @@ STATEMENTS: Final = {
     "presence": "SELECT 'r' || (i % :robots), CASE i / :robots % 2 WHEN 0 THEN 'front' ELSE '' END,"
     " :from + i * :step, :from + i * :step + :long, false, NULL FROM n",
     "disagreements": "SELECT :place, :kind, :from + i * :step, :from + i * :step + :long, false, 1, 'm', 2, 'n' FROM n",
+    "stock": "SELECT 'hall', 'zone ' || (i % :robots), :kind, :from + i * :step, :from + i * :step + :long, false,"
+    " i % 5 FROM n",
+    "object_events": "SELECT 'hall', 'o' || (i % 20000), 'moved', :from + i * :step, :from + i * :step, false, :kind,"
+    " 1.5, 2.5, 3.5, 4.5, '', 'r1' FROM n",
     "alerts": "SELECT :alert, 'near', 'warning', CASE i % 100 WHEN 0 THEN 'raised' ELSE 'resolved' END,"
     " :place, 'box', 'box is near', :from + i * :step, :from + i * :step + :long FROM n",
     "acts": "SELECT :alert, :from + i * :step, 'acknowledged', 'ann' FROM n",

@@ -164,3 +164,18 @@ async def test_another_monitors_alerts_are_told_and_left_to_it(tmp_path: Path) -
             )
         await web.monitor.history._end()
         await leading._end()
+
+
+async def test_an_alert_about_an_object_says_which_and_where_its_page_is(tmp_path: Path) -> None:
+    rules = tmp_path / "rules.yaml"
+    rules.write_text("rules: [{name: in, when: enters, class: box, site: hall, zone: dock}]", encoding="utf-8")
+    about = msgspec.structs.replace(alert(), rule="in", robot="", camera="", site="hall", object="o1")
+    async with web_in(tmp_path, rules=rules, web_url="https://fleet.example") as web:
+        await web.monitor.rules.load()
+        web.monitor.alerting._engine, web.monitor.alerting._page = None, "https://fleet.example"
+        web.monitor.alerting.lead([about])
+        async with await web.program() as program:
+            (told,) = (await program.get("https://fleet.example/api/v1/alerts")).json()["items"]
+        assert (told["site"], told["object"], told["link"]) == ("hall", "o1", "/world/hall/o1")
+        (posted,) = web.monitor.alerts()
+        assert posted.link == "https://fleet.example/world/hall/o1"

@@ -15,9 +15,10 @@ from schemas.keys import CameraKey
 from services.monitor.history.archive import MAX_ROWS
 from services.monitor.history.state import Act
 from services.monitor.history.store import Store
+from services.monitor.history.world_history import ObjectEvent
 from services.monitor.web.api.paging import MAX_ITEMS
 from services.monitor.web.auth.users import Role
-from tests.services.monitor.history.test_store import interval
+from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.web.api.seeing import ODD
 from tests.services.monitor.web.api.test_alerts import alert
 from tests.services.monitor.web.asking import Web, web_in
@@ -182,3 +183,37 @@ async def test_the_description_says_what_files_an_export_is(web: Web) -> None:
     async with await web.program() as program:
         found = (await program.get("/api/openapi.json")).json()["paths"]["/api/v1/history/export"]["get"]
         assert set(found["responses"]["200"]["content"]) == {"text/csv", "application/vnd.apache.parquet"}
+
+
+async def test_what_became_of_objects_comes_in_pages_newest_first(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path}/history.db"
+    async with opened(url) as store:
+        events = [
+            ObjectEvent(
+                since_ns=at_s * S,
+                until_ns=at_s * S,
+                open=False,
+                site=site,
+                object=name,
+                kind="gone",
+                name="box",
+                x=1,
+                y=2,
+            )
+            for at_s, site, name in ((10, "hall", "a"), (20, "hall", "b"), (30, "yard", "a"))
+        ]
+        await store.write(events)
+    async with web_in(tmp_path, history=url) as web, await web.program() as program:
+        first = (await program.get("/api/v1/history/events?since=0&limit=2")).json()
+        assert [(each["site"], each["object"], each["kind"]) for each in first["items"]] == [
+            ("yard", "a", "gone"),
+            ("hall", "b", "gone"),
+        ]
+        rest = (await program.get("/api/v1/history/events", params={"since": 0, "after": first["next"]})).json()
+        assert [(each["object"], each["class"], each["x"], each["since"]) for each in rest["items"]] == [
+            ("a", "box", 1.0, "1970-01-01T00:00:10Z")
+        ]
+        one = (await program.get("/api/v1/history/events?since=0&site=hall&object=a&class=box")).json()
+        assert len(one["items"]) == 1
+        assert (await program.get("/api/v1/history/events")).json()["items"] == []
+        assert (await program.get("/api/v1/history/events?robot=r1")).status_code == 422

@@ -119,3 +119,11 @@ def test_figures_are_of_all_alerts_and_there_is_none_where_nobody_knows() -> Non
     assert severity_figures(ALERTS) == {Severity.INFO: "1", Severity.WARNING: "0", Severity.CRITICAL: "4"}
     assert unattended_figure(ALERTS) == ("4", "of 5")
     assert unattended_figure(ALERTS[:1] * 1_000) == ("1,000", "of 1,000")
+
+
+def test_an_alert_about_an_object_leads_to_its_page_and_is_found_by_its_id() -> None:
+    of_object = msgspec.structs.replace(ALERT, site="hall", object="a/b")
+    row = alert_row(of_object, (), 200 * S, may_act=False)
+    assert (row["object"], row["href"]) == ("a/b", "/world/hall/a%2Fb")
+    assert alert_row(ALERT, (), 200 * S, may_act=False)["href"] == ""
+    assert wanted_alerts([ALERT, of_object], None, "A/B") == [of_object]
