@@ -35,9 +35,9 @@ def until_said(running: subprocess.Popen[str], pattern: str) -> None:
 
 
 def processes(running: subprocess.Popen[str]) -> list[psutil.Process]:
-    """Return the demo's seven processes: simulator, three gateways, distance and cloud service, and the detector."""
+    """Return the demo's eight: simulator, three gateways, detector, distance, cloud and world model."""
     found = psutil.Process(running.pid).children(recursive=True)
-    assert len(found) == 7
+    assert len(found) == 8
     return found
 
 

@@ -84,7 +84,7 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
     }
     # Under torch at once: whatever is quicker is exported first, which takes longer than most demos.
     detector = ["detector", "--connect", endpoint, "--runtime", "torch", *model]
-    measuring = {service: [service, "--connect", endpoint] for service in ("distance", "cloud")}
+    measuring = {service: [service, "--connect", endpoint] for service in ("distance", "cloud", "worldmodel")}
     return {"simulator": simulator, **gateways, **measuring, "detector": detector}
 
 
