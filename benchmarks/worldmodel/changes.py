@@ -26,11 +26,15 @@ SEEN_MOVING_S: Final = 1.5
 
 @dataclass(slots=True)
 class StandingScore:
-    """How often a model says of what stands still that it is gone or has moved. object_minutes: of all its objects."""
+    """How often a model says of what stands still that it is gone or has moved.
+
+    object_minutes: of all its objects. still_minutes: of these, while nothing moved.
+    """
 
     false_gone: int = 0
     false_moved: int = 0
     object_minutes: float = 0.0
+    still_minutes: float = 0.0
 
     def add_gone(self, gone: FoundObject, found: Sequence[FoundObject], true: Sequence[TrueObject]) -> None:
         """Count an object that is told to be gone if nothing else that was found is the true one at its place."""
@@ -40,10 +44,10 @@ class StandingScore:
 
     def summary(self) -> dict[str, float | None]:
         """Return the figures, per object and minute, by name."""
-        minutes = self.object_minutes
+        gone, moved = (self.false_gone, self.object_minutes), (self.false_moved, self.still_minutes)
         return {
-            "false_gone": round(self.false_gone / minutes, 4) if minutes else None,
-            "false_moved": round(self.false_moved / minutes, 4) if minutes else None,
+            name: round(count / minutes, 4) if minutes else None
+            for name, (count, minutes) in (("false_gone", gone), ("false_moved", moved))
         }
 
 

@@ -93,8 +93,7 @@ def drive_changes(drives: Drives, drift: Drift, model: "World", recorded: Record
     ):
         changes = model.take(replayed)
         watch.add(replayed.image, model.found())
-        gone = [each for each in changes if each.kind is ChangeKind.GONE]
-        _add_standing(scores.standing, gone, model, watch.resting, replayed.second - before_s)
+        _add_standing(scores.standing, changes, model, watch.resting, replayed.second - before_s, still=False)
         before_s = replayed.second
     watch.end(before_s - drives.seconds)
 
@@ -104,12 +103,20 @@ def _truth(drives: Drives) -> dict[int, TrueObject]:
 
 
 def _add_standing(
-    score: StandingScore, changes: Sequence[WorldChange], model: "World", true: Sequence[TrueObject], passed_s: float
+    score: StandingScore,
+    changes: Sequence[WorldChange],
+    model: "World",
+    true: Sequence[TrueObject],
+    passed_s: float,
+    *,
+    still: bool = True,
 ) -> None:
-    score.object_minutes += model.count * passed_s / 60
+    minutes = model.count * passed_s / 60
+    score.object_minutes += minutes
+    score.still_minutes += minutes if still else 0.0
     for change in changes:
         if change.kind is ChangeKind.MOVED:
-            score.false_moved += 1
+            score.false_moved += still
         elif change.kind is ChangeKind.GONE:
             gone = FoundObject(change.object.id, change.object.name, change.object.at)
             score.add_gone(gone, model.found(), true)

@@ -52,7 +52,7 @@ class LiveRobot:
     async def _drive(self, executor: Executor) -> None:
         loop = asyncio.get_running_loop()
         begun_s = (loop.time() if self._begun_s is None else self._begun_s) + self._delay_s
-        number = 0
+        number = max(0, round((loop.time() - begun_s) / self._period_s))
         while True:
             await asyncio.sleep(begun_s + number * self._period_s - loop.time())
             if wanted := self._wanted():

@@ -141,11 +141,11 @@ def test_what_comes_back_to_its_place_has_not_gone() -> None:
 
 
 def test_an_object_is_wrongly_gone_if_nothing_else_stands_for_the_true_one() -> None:
-    score = StandingScore(object_minutes=10.0)
+    score = StandingScore(false_moved=2, object_minutes=10.0, still_minutes=4.0)
     score.add_gone(found("a"), [], [true(7)])
     score.add_gone(found("a"), [found("b", (1.1, 0.0, 0.2))], [true(7)])
     score.add_gone(found("a", THERE), [], [true(7)])
-    assert score.summary() == {"false_gone": 0.1, "false_moved": 0.0}
+    assert score.summary() == {"false_gone": 0.1, "false_moved": 0.5}
     assert StandingScore().summary() == {"false_gone": None, "false_moved": None}
 
 

@@ -17,6 +17,7 @@ from services.simulator.live import LiveRobot
 from services.simulator.robot import Robot
 from services.simulator.ros_master.master import RosMaster
 from services.simulator.topics import Content, Stream, topics
+from services.simulator.world import ChangingWorld, generate
 from tests.services.simulator.small import ALIGNED, FRAMES, HZ, PLENTY
 from tests.waiting import until
 
@@ -61,6 +62,24 @@ async def test_colour_is_sent_while_somebody_subscribes_and_nothing_else_is_meas
     for image in images:
         assert bytes(image.data) == robot.film.measure(image.seq, {Part.COLOR})[Part.COLOR].tobytes()
     assert all(robot.film.store.get((1, number, Part.DEPTH)) is None for number in range(FRAMES))
+
+
+async def test_a_changing_world_is_seen_as_it_is_since_the_fleet_began() -> None:
+    world = ChangingWorld(generate(1), 20.0)
+    film = Film(1, ALIGNED, FRAMES, HZ, Store(PLENTY), world=world)
+    robot = Robot("r1", "", film, topics([Stream.COLOR], aligned=True))
+    begun_s = asyncio.get_running_loop().time() - 200.0
+    received: asyncio.Queue[Message] = asyncio.Queue()
+    async with (
+        driving(LiveRobot(robot, hz=5, begun_s=begun_s)) as ours,
+        asyncio.timeout(60),
+        ours.subscribe(COLOR_TOPIC, TYPE_NAME, received.put_nowait),
+    ):
+        images = [decode_image((await received.get()).data) for _ in range(3)]
+    assert images[0].seq >= 1_000
+    for image in images:
+        expected = film.measure(image.seq, {Part.COLOR}, image.seq / 5)
+        assert bytes(image.data) == expected[Part.COLOR].tobytes()
 
 
 async def test_every_topic_of_an_instant_arrives_with_one_stamp(robot: Robot) -> None:
