@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final, TextIO
 
-from sqlalchemy import ColumnElement, Select, Table, case, select
+from sqlalchemy import Column, ColumnElement, FromClause, Select, Table, case, func, inspect, literal, select
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from services.monitor.formats import as_text, epoch_ns, moment, rounded
@@ -19,20 +19,22 @@ from services.monitor.history.row_maintenance import compact
 from services.monitor.history.settings import ExportSettings
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
-from services.monitor.history.tables import alerts, heartbeat, intervals, object_events, stock
+from services.monitor.history.tables import alert_objects, alerts, heartbeat, intervals, object_events, stock
 
 TIME: Final = "_ns"
 """Suffix of nanosecond time columns; exported ones drop it and are UTC to the microsecond."""
+
+Columns = Sequence[Column[Any]]
 
 AS_IN_JSON: Final = {"name": "class", "first_ns": "first_seen"}
 """Columns that have another name in the HTTP API: files use the API's."""
 
 
 async def write_csv(
-    batches: AsyncIterator[Sequence[Mapping[str, Any]]], table: Table, file: TextIO, *, for_people: bool
+    batches: AsyncIterator[Sequence[Mapping[str, Any]]], columns: Columns, file: TextIO, *, for_people: bool
 ) -> int:
     """Write rows below a heading; return their number. for_people: formulas become text, for spreadsheets."""
-    writer = csv.DictWriter(file, [exported_name(column.name) for column in table.columns])
+    writer = csv.DictWriter(file, [exported_name(column.name) for column in columns])
     writer.writeheader()
     count = 0
     async for batch in batches:
@@ -55,23 +57,21 @@ def exported(row: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def write_parquet(source: Path, target: Path, table: Table) -> None:
-    """Convert a CSV file of a table's rows to Parquet."""
+def write_parquet(source: Path, target: Path, columns: Columns) -> None:
+    """Convert a CSV file of rows with such columns to Parquet."""
     import polars as pl  # noqa: PLC0415 - an extra, and only who wants Parquet needs it
 
     kinds = {str: pl.String, int: pl.Int64, float: pl.Float64, bool: pl.String}
     schema = {
         exported_name(column.name): pl.String if column.name.endswith(TIME) else kinds[column.type.python_type]
-        for column in table.columns
+        for column in columns
     }
     times = [
         pl.col(exported_name(column.name)).str.to_datetime(time_unit="us", time_zone="UTC")
-        for column in table.columns
+        for column in columns
         if column.name.endswith(TIME)
     ]
-    flags = [
-        pl.col(exported_name(column.name)) == "True" for column in table.columns if column.type.python_type is bool
-    ]
+    flags = [pl.col(exported_name(column.name)) == "True" for column in columns if column.type.python_type is bool]
     rows = pl.scan_csv(source, schema=schema).with_columns(pl.col(pl.String).fill_null(""))
     rows.with_columns(*times, *flags).sink_parquet(target)
 
@@ -82,6 +82,9 @@ EXPORTED: Final[Mapping[str, Table]] = {
     "stock": stock,
     "events": object_events,
 }
+
+OF_ALERTS: Final = (alert_objects.c.site, alert_objects.c.object)
+"""Columns of alerts that are in a table of their own."""
 
 ROWS: Final = 100
 """Rows held in memory and written at a time; an exporting monitor processes class lists in between."""
@@ -148,24 +151,31 @@ async def _write(engine: AsyncEngine, settings: ExportSettings, to: Path, table:
 async def _write_in(
     folder: Path, engine: AsyncEngine, settings: ExportSettings, table: Table, *, to_parquet: bool
 ) -> tuple[Path, int]:
-    made = folder / "rows.csv"
+    made, columns = folder / "rows.csv", [*table.columns, *(OF_ALERTS if table is alerts else ())]
     encoding = "utf-8-sig" if settings.bom and not to_parquet else "utf-8"
     with made.open("w", encoding=encoding, newline="") as rows:
-        batches = _batches(engine, query_of(settings, table))
-        count = await write_csv(batches, table, rows, for_people=not to_parquet)
+        batches = _batches(engine, settings, table)
+        count = await write_csv(batches, columns, rows, for_people=not to_parquet)
     if to_parquet:
-        await asyncio.to_thread(write_parquet, made, folder / "rows.parquet", table)
+        await asyncio.to_thread(write_parquet, made, folder / "rows.parquet", columns)
         made = folder / "rows.parquet"
     return made, count
 
 
-def query_of(settings: ExportSettings, table: Table) -> Select[Any]:
-    """Return the export's query, oldest first; open intervals last until the heartbeat."""
+def query_of(settings: ExportSettings, table: Table, *, has_objects: bool = True) -> Select[Any]:
+    """Return the export's query, oldest first; open intervals last until the heartbeat.
+
+    has_objects: the database says of alerts which site and object they are about.
+    """
     columns: list[Any] = list(table.columns)
+    rows: FromClause = table
     begins: ColumnElement[int]
     ends: ColumnElement[int]
     if table is alerts:
         begins, ends = alerts.c.raised_ns, alerts.c.changed_ns
+        if has_objects:
+            rows = alerts.outerjoin(alert_objects, alert_objects.c.alert_id == alerts.c.id)
+        columns += [(func.coalesce(each, "") if has_objects else literal("")).label(each.name) for each in OF_ALERTS]
     else:
         now_ns = select(heartbeat.c.at_ns).scalar_subquery()
         goes_on = table.c.open & (now_ns > table.c.until_ns)
@@ -180,12 +190,16 @@ def query_of(settings: ExportSettings, table: Table) -> Select[Any]:
         where.append(ends >= epoch_ns(settings.since))
     if settings.until is not None:
         where.append(begins <= epoch_ns(settings.until))
-    return select(*columns).where(*where).order_by(begins)
+    return select(*columns).select_from(rows).where(*where).order_by(begins)
 
 
-async def _batches(engine: AsyncEngine, query: Select[Any]) -> AsyncIterator[Sequence[Any]]:
+async def _batches(engine: AsyncEngine, settings: ExportSettings, table: Table) -> AsyncIterator[Sequence[Any]]:
     connection = await connect(engine, create=False)
     try:
+        there = await connection.run_sync(lambda of: set(inspect(of).get_table_names()))
+        if table.name not in there:  # it came later, and no monitor that knows it has run yet
+            return
+        query = query_of(settings, table, has_objects=alert_objects.name in there)
         result = await connection.stream(query, execution_options={"yield_per": ROWS})
         async for rows in result.mappings().partitions():
             yield rows

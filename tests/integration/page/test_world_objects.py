@@ -75,7 +75,6 @@ async def site(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Site]:
     (folder / "zones.yaml").write_text(ZONES, encoding="utf-8")
     history = f"sqlite:///{folder / 'history.db'}"
     (folder / "rules.yaml").write_text(RULES, encoding="utf-8")
-    settings = MonitorSettings(zones=folder / "zones.yaml", rules=folder / "rules.yaml", history=history, web_port=0)
     robots = Robots(THINGS)
     async with AsyncExitStack() as stack:
         central = await stack.enter_async_context(fleet_rig())
@@ -83,6 +82,14 @@ async def site(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Site]:
         await views.enter_async_context(robots.looking(central.bus))
         await stack.enter_async_context(robot_on(central.bus, "r1"))
         model = await start(central, "w1", "--refresh-s", "1")
+        settings = MonitorSettings(
+            mode="client",
+            connect=[central.endpoint],
+            zones=folder / "zones.yaml",
+            rules=folder / "rules.yaml",
+            history=history,
+            web_port=0,
+        )
         monitor = await stack.enter_async_context(running(settings, central.bus, Fleet("clock")))
         at = await stack.enter_async_context(served(monitor))
         browser = await stack.enter_async_context(open_browser())

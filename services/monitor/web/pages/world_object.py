@@ -84,12 +84,12 @@ class _ObjectPage:
                 with ui.element("div").classes("fs-panel-head"), ui.element("h2"):
                     ui.label("Now")
                 self._facts = still("", tag="dl").classes("fs-facts")
+        self._none = nothing_yet("search_off", "There is no such object", "")
         with ui.element("section").classes("fs-panel") as self._past:
             with ui.element("div").classes("fs-panel-head"), ui.element("h2"):
                 ui.label("Events")
             self._list = still("").classes("fs-scroll").props('tabindex=0 role=region aria-label="Events"')
             self._why = ui.label().classes("fs-line fs-muted")
-        self._none = nothing_yet("search_off", "There is no such object", "")
 
     async def refresh(self, *, live: bool = False) -> None:
         """Bring everything up to date. live: the page is looked at, so that the picture is requested."""

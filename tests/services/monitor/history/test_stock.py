@@ -5,16 +5,20 @@ from pathlib import Path
 
 import polars as pl
 import pytest
+from msgspec.structs import replace
 from pydantic import ValidationError
+from sqlalchemy.schema import DropTable
 
 from services.monitor.history import counting as module
 from services.monitor.history.archive import Archive, WorldQuery
 from services.monitor.history.counting import SLOTS
 from services.monitor.history.export import run
 from services.monitor.history.settings import ExportSettings
+from services.monitor.history.tables import alert_objects, stock
 from services.monitor.history.world_history import ALL_CLASSES, ObjectEvent, StockLevel
 from services.monitor.web.pages.chart import Charts, StockSubject, counts_over_time
 from services.monitor.world.site_objects import SITE
+from tests.schemas.results import alert
 from tests.services.monitor.history.test_store import opened
 from tests.services.monitor.inventory.seeing import S
 from tests.services.monitor.web.asking import web_in
@@ -127,6 +131,24 @@ async def test_stock_and_events_are_exported(kept: str, tmp_path: Path) -> None:
     await run(ExportSettings.model_validate({**given, "to": file, "what": "events", "site": "hall"}))
     (row,) = csv.DictReader(file.read_text(encoding="utf-8").splitlines())
     assert (row["object"], row["kind"], row["x"], row["from_x"]) == ("a", "gone", "1.0", "")
+
+
+async def test_alerts_are_exported_with_the_objects_that_they_are_about(url: str, tmp_path: Path) -> None:
+    file = tmp_path / "alerts.csv"
+    asked = ExportSettings(task="export", history=url, to=file, what="alerts")
+    async with opened(url) as store:
+        about = replace(alert(), id="o", site="hall", object="a", raised_ns=alert().raised_ns + 1)
+        await store.write([], [alert(), about], NOW_S * S)
+        await run(asked)
+        rows = list(csv.DictReader(file.read_text(encoding="utf-8").splitlines()))
+        assert [(row["id"], row["site"], row["object"]) for row in rows] == [("a1", "", ""), ("o", "hall", "a")]
+        async with store._connection.begin():
+            for later in (alert_objects, stock):
+                await store._connection.execute(DropTable(later))
+        await run(asked)
+        assert len(file.read_text(encoding="utf-8").splitlines()) == 3
+        await run(asked.model_copy(update={"what": "stock"}))
+        assert len(file.read_text(encoding="utf-8").splitlines()) == 1
 
 
 async def test_old_stock_is_deleted_and_what_goes_on_is_not(kept: str) -> None:
