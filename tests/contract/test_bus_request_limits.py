@@ -1,49 +1,16 @@
 """Requests have limits: of time, and of how many wait and are served at once."""
 
 import asyncio
-from typing import Final
 
 import pytest
 
 from bus import (
     Bus,
-    NotServedError,
     RefusedError,
-    Reply,
-    Request,
     RequestTimeoutError,
 )
+from tests.contract.requesting import KEY, Hanging, ask, until_served
 from tests.contract.waiting import PATIENCE_S, until
-
-KEY: Final = "fleet/r1/clock"
-
-
-async def ask(bus: Bus, payload: bytes | bytearray = b"", *, key: str = KEY) -> bytes:
-    """Ask until somebody serves the key: that somebody does travels to us too."""
-    async with asyncio.timeout(PATIENCE_S):
-        while True:
-            try:
-                return (await bus.request(key, payload, timeout_s=PATIENCE_S)).payload
-            except NotServedError:
-                await asyncio.sleep(0.01)
-
-
-class Hanging:
-    """A handler that waits until it is released, and says how often it was called and cancelled."""
-
-    def __init__(self) -> None:
-        self.begun: list[bytes] = []
-        self.cancelled = 0
-        self.release = asyncio.Event()
-
-    async def __call__(self, request: Request) -> Reply:
-        self.begun.append(request.payload)
-        try:
-            await self.release.wait()
-        except asyncio.CancelledError:
-            self.cancelled += 1
-            raise
-        return Reply(request.payload)
 
 
 async def test_a_server_that_hangs_holds_nobody_longer_than_asked(buses: tuple[Bus, Bus]) -> None:
@@ -57,13 +24,6 @@ async def test_a_server_that_hangs_holds_nobody_longer_than_asked(buses: tuple[B
         await until(lambda: hanging.cancelled == hanging.begun.count(b"hangs"))
         hanging.release.set()
         assert await ask(here, b"after") == b"after"
-
-
-async def until_served(bus: Bus, key: str, hanging: Hanging) -> None:
-    """Wait until a request reaches the handler; it is answered then."""
-    hanging.release.set()
-    await ask(bus, key=key)
-    hanging.release.clear()
 
 
 async def test_a_request_whose_time_is_up_before_its_turn_is_not_begun(buses: tuple[Bus, Bus]) -> None:

@@ -2,7 +2,6 @@
 
 import asyncio
 from contextlib import AsyncExitStack
-from typing import Final
 
 import pytest
 
@@ -20,41 +19,12 @@ from bus import (
 )
 from bus.requests.serving import INTERNAL
 from tests.contract.conftest import Opener
+from tests.contract.requesting import KEY, Hanging, ask, until_served
 from tests.contract.waiting import PATIENCE_S, until
-
-KEY: Final = "fleet/r1/clock"
-
-
-async def ask(bus: Bus, payload: bytes | bytearray = b"", *, key: str = KEY) -> bytes:
-    """Ask until somebody serves the key: that somebody does travels to us too."""
-    async with asyncio.timeout(PATIENCE_S):
-        while True:
-            try:
-                return (await bus.request(key, payload, timeout_s=PATIENCE_S)).payload
-            except NotServedError:
-                await asyncio.sleep(0.01)
 
 
 async def echo(request: Request) -> Reply:
     return Reply(request.payload)
-
-
-class Hanging:
-    """A handler that waits until it is released, and says how often it was called and cancelled."""
-
-    def __init__(self) -> None:
-        self.begun: list[bytes] = []
-        self.cancelled = 0
-        self.release = asyncio.Event()
-
-    async def __call__(self, request: Request) -> Reply:
-        self.begun.append(request.payload)
-        try:
-            await self.release.wait()
-        except asyncio.CancelledError:
-            self.cancelled += 1
-            raise
-        return Reply(request.payload)
 
 
 async def test_a_request_arrives_as_it_was_and_so_does_the_reply(buses: tuple[Bus, Bus]) -> None:
@@ -167,13 +137,6 @@ async def test_a_servers_failure_says_no_more_than_that(
         assert str(caught.value) == INTERNAL
         assert await ask(here, b"next") == b"next"
     assert [record.getMessage() for record in caplog.records if record.exc_info] == [f"{KEY}: a request failed"]
-
-
-async def until_served(bus: Bus, key: str, hanging: Hanging) -> None:
-    """Wait until a request reaches the handler; it is answered then."""
-    hanging.release.set()
-    await ask(bus, key=key)
-    hanging.release.clear()
 
 
 async def test_a_key_that_two_serve_is_answered_once_and_by_the_other_when_one_goes(buses: tuple[Bus, Bus]) -> None:

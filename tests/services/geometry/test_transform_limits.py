@@ -3,7 +3,7 @@
 import pytest
 
 from schemas.space import MAX_COORDINATE_M
-from schemas.transforms import Transform, Transforms
+from schemas.transforms import Transforms
 from services.geometry.errors import (
     TooOldError,
     UnknownFrameError,
@@ -18,27 +18,7 @@ from services.geometry.transforms import (
     TransformTree,
 )
 from tests.schemas.frames import header
-
-S = 1_000_000_000
-
-
-Rotation = tuple[float, float, float, float]
-
-
-STRAIGHT: Rotation = (0.0, 0.0, 0.0, 1.0)
-
-
-def said(
-    parent: str, child: str, x: float = 0.0, y: float = 0.0, *, at: int = 0, rotation: Rotation = STRAIGHT
-) -> Transform:
-    return Transform(frame_id=parent, child_frame_id=child, stamp_ns=at, translation=(x, y, 0.0), rotation=rotation)
-
-
-def tree(*dynamic: Transform, static: tuple[Transform, ...] = ()) -> TransformTree:
-    made = TransformTree()
-    made.take(Transforms(header=header(), transforms=list(static)), static=True)
-    made.take(Transforms(header=header(), transforms=list(dynamic)), static=False)
-    return made
+from tests.services.geometry.test_transforms import S, said, tree
 
 
 def test_many_frames_share_the_room_that_there_is() -> None:
