@@ -9,8 +9,8 @@ from typing import Final
 
 from bus.api import Bus, Presence, Watch
 from bus.demand import SharedDemand
-from bus.sharing.owners import TAKE_OVER_S
-from bus.sharing.shares import Shares
+from bus.sharing.camera_assignment import TAKE_OVER_S
+from bus.sharing.own_cameras import OwnCameras
 from schemas import keys, worker_keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
@@ -62,7 +62,7 @@ class Sharing:
         self._most = most
         self._join_s = join_s
         self._leaves = leaves
-        self._shares = Shares(self._worker)
+        self._own = OwnCameras(self._worker)
         self._joined = False
         self._news = asyncio.Event()
         self._tasks: dict[CameraKey, Task[None]] = {}
@@ -90,7 +90,7 @@ class Sharing:
             self._joined = True
             for token in self._tokens:
                 await stack.enter_async_context(self._bus.announce(str(token)))
-                self._shares.worker(token, alive=True)
+                self._own.worker(token, alive=True)
             while True:
                 self._follow_plan(group)
                 await self._news_or_time()
@@ -98,11 +98,11 @@ class Sharing:
     async def _hand_over(self, group: TaskGroup) -> None:
         self._leaves()
         for token in self._tokens:
-            self._shares.worker(token, alive=False)
+            self._own.worker(token, alive=False)
         with suppress(TimeoutError):
             async with asyncio.timeout(LEAVE_S):
                 self._follow_plan(group)
-                while self._shares.handing_over:
+                while self._own.handing_over:
                     await self._news_or_time()
                     self._follow_plan(group)
         ending = [*self._tasks.values(), *self._ending.values()]
@@ -113,13 +113,13 @@ class Sharing:
 
     async def _news_or_time(self) -> None:
         with suppress(TimeoutError):
-            async with asyncio.timeout_at(self._shares.next_s):
+            async with asyncio.timeout_at(self._own.next_s):
                 await self._news.wait()
                 await asyncio.sleep(SETTLE_S)
         self._news.clear()
 
     def _follow_plan(self, group: TaskGroup) -> None:
-        planned = self._shares.plan(asyncio.get_running_loop().time(), self._most)
+        planned = self._own.plan(asyncio.get_running_loop().time(), self._most)
         fewer, more = self._tasks.keys() - planned, planned - self._tasks.keys()
         for camera in fewer:
             self._end(camera)
@@ -165,7 +165,7 @@ class Sharing:
     def _note_worker(self, presence: Presence) -> bool:
         token = worker_keys.parse_worker_alive(presence.key)
         if token.worker != self._worker:
-            return self._shares.worker(token, alive=presence.alive)
+            return self._own.worker(token, alive=presence.alive)
         if presence.alive and not (self._joined and token in self._tokens):
             log.warning(
                 "another worker is also called %s: both will process the same cameras; give each its own --worker",
@@ -174,10 +174,10 @@ class Sharing:
         return False
 
     def _note_taken(self, presence: Presence) -> bool:
-        return self._shares.taken(worker_keys.parse_serves(presence.key), alive=presence.alive)
+        return self._own.taken(worker_keys.parse_serves(presence.key), alive=presence.alive)
 
     def _note_camera(self, presence: Presence) -> bool:
-        return self._shares.camera(keys.parse_stream(presence.key).camera, alive=presence.alive)
+        return self._own.camera(keys.parse_stream(presence.key).camera, alive=presence.alive)
 
 
 async def say_unwanted(demand: SharedDemand, took_over: Callable[[], None]) -> None:

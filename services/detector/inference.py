@@ -53,8 +53,8 @@ class Inference:
     """Takes frames from the queue while the model has room, and publishes the results in the same order.
 
     tracking: follows objects while somebody wants their tracks. cameras: those looked after now. max_age_s: how old a
-        frame may be when its turn comes, None for as long as one call takes and SPARE_S, at least LEAST_AGE_S, and as
-        late as EXCUSED_S beside that while `keeps_up`: the model has time for all frames.
+        frame may be when its turn comes, None for as long as one call takes and DEADLINE_SLACK_S, at least LEAST_AGE_S,
+        and as late as NETWORK_GRACE_S beside that while `keeps_up`: the model has time for all frames.
     """
 
     def __init__(

@@ -10,7 +10,7 @@ from typing import Final
 
 from bus import LATEST, Bus, Watch, open_bus
 from bus.reporting import VERSION, report
-from bus.sharing.owners import Owners
+from bus.sharing.camera_assignment import CameraAssignment
 from schemas import worker_keys
 from schemas.errors import SchemaError
 from schemas.status import WorkerStatus
@@ -36,8 +36,8 @@ class WorldWorker:
         self._settings = settings
         self._join_s = join_s
         self._token = parse_worker_alive(str(WorkerAlive(SERVICE, settings.worker)))
-        self._owners = Owners(settings.worker)
-        self._owners.worker(self._token, alive=True)
+        self._assignment = CameraAssignment(settings.worker)
+        self._assignment.worker(self._token, alive=True)
         self._news = Event()
         self._states: dict[str, bytes] = {}
         self._tasks: dict[str, Task[None]] = {}
@@ -67,18 +67,22 @@ class WorldWorker:
                 if site not in self._tasks and self._is_mine(site):
                     self._tasks[site] = group.create_task(self._serve(site))
             with suppress(TimeoutError):
-                async with asyncio.timeout_at(self._owners.next_s):
+                async with asyncio.timeout_at(self._assignment.next_s):
                     await self._news.wait()
             await asyncio.sleep(SETTLE_S)
 
     def _is_mine(self, site: str) -> bool:
         key = site_key(site)
-        if self._owners.took(key) - {self._settings.worker}:
-            self._owners.forget(key)  # nobody is idle that leaves a site to whoever has it
+        if self._assignment.took(key) - {self._settings.worker}:
+            self._assignment.forget(key)  # nobody is idle that leaves a site to whoever has it
             return False
-        return self._owners.owner(key, asyncio.get_running_loop().time()) == self._settings.worker
+        return self._assignment.owner(key, asyncio.get_running_loop().time()) == self._settings.worker
 
     async def _serve(self, site: str) -> None:
+        async with self._bus.announce(str(Serves(SERVICE, self._settings.worker, site_key(site)))):
+            await self._keep_site(site)  # which may take long to begin: nobody else is to take it meanwhile
+
+    async def _keep_site(self, site: str) -> None:
         file = self._file(site)
         state = self._states.get(site, b"")
         if not state and file is not None:
@@ -92,10 +96,7 @@ class WorldWorker:
             if file is not None and not pending.full():
                 pending.put_nowait(state)
 
-        async with (
-            self._bus.announce(str(Serves(SERVICE, self._settings.worker, site_key(site)))),
-            TaskGroup() as group,
-        ):
+        async with TaskGroup() as group:
             if file is not None:
                 group.create_task(_write_all(file, pending))
             try:
@@ -121,7 +122,7 @@ class WorldWorker:
             except SchemaError:
                 continue
             if worker != self._token:
-                self._owners.worker(worker, alive=presence.alive)
+                self._assignment.worker(worker, alive=presence.alive)
                 self._news.set()
 
     async def _watch_served(self, watch: Watch) -> None:
@@ -130,7 +131,7 @@ class WorldWorker:
                 token = worker_keys.parse_serves(presence.key)
             except SchemaError:
                 continue
-            self._owners.taken(token, alive=presence.alive)
+            self._assignment.taken(token, alive=presence.alive)
             self._news.set()
 
     def _status(self) -> WorkerStatus:

@@ -6,7 +6,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 
 from bus import Bus
 from bus.sharing import Sharing
-from bus.sharing.owners import owner
+from bus.sharing.camera_assignment import owner
 from schemas import worker_keys
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import Serves, WorkerAlive

@@ -10,7 +10,7 @@ import pytest
 
 from bus import QUEUE, Bus, Publisher, QoS, Subscription
 from bus.fake import FakeNetwork
-from bus.sharing.owners import owner
+from bus.sharing.camera_assignment import owner
 from schemas import codec, consumer_keys, keys
 from schemas.budget import RateBudget
 from schemas.detections import ClassList

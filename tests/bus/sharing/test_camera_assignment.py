@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.sharing.owners import owner
+from bus.sharing.camera_assignment import owner
 from schemas.keys import CameraKey
 from schemas.worker_keys import WorkerAlive
 

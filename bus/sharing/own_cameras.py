@@ -1,11 +1,11 @@
 """One worker's share of the cameras. Pure."""
 
-from bus.sharing.owners import MAX_CAMERAS, Owners
+from bus.sharing.camera_assignment import MAX_CAMERAS, CameraAssignment
 from schemas.keys import CameraKey
 from schemas.worker_keys import Serves, WorkerAlive
 
 
-class Shares:
+class OwnCameras:
     """One worker's share of the cameras.
 
     A camera that falls to another worker stays here until that one says that it has taken it over: a short overlap
@@ -14,14 +14,14 @@ class Shares:
 
     def __init__(self, worker: str) -> None:
         self._worker = worker
-        self._owners = Owners(worker)
+        self._assignment = CameraAssignment(worker)
         self._cameras: dict[CameraKey, None] = {}
         self._served: frozenset[CameraKey] = frozenset()
         self._handing_over = False
 
     def worker(self, token: WorkerAlive, *, alive: bool) -> bool:
         """Note that a worker came or went; return whether that is new."""
-        return self._owners.worker(token, alive=alive)
+        return self._assignment.worker(token, alive=alive)
 
     def camera(self, camera: CameraKey, *, alive: bool) -> bool:
         """Note that a camera came or went; return whether that is new. Those over MAX_CAMERAS are ignored."""
@@ -31,12 +31,12 @@ class Shares:
             self._cameras[camera] = None
         else:
             del self._cameras[camera]
-            self._owners.forget(camera)
+            self._assignment.forget(camera)
         return True
 
     def taken(self, token: Serves, *, alive: bool) -> bool:
         """Note that a worker took a camera over or released it; return whether that is new."""
-        return self._owners.taken(token, alive=alive)
+        return self._assignment.taken(token, alive=alive)
 
     def plan(self, now_s: float, most: int) -> frozenset[CameraKey]:
         """Return the cameras to serve from now on: at most `most`, those known longest first.
@@ -46,12 +46,12 @@ class Shares:
         served = set[CameraKey]()
         self._handing_over = False
         for camera in self._cameras:
-            winner = self._owners.owner(camera, now_s)
+            winner = self._assignment.owner(camera, now_s)
             if winner is None or len(served) >= most:
                 continue
             if winner == self._worker:
                 served.add(camera)
-            elif camera in self._served and self._owners.is_idle(camera, winner):
+            elif camera in self._served and self._assignment.is_idle(camera, winner):
                 served.add(camera)
                 self._handing_over = True
         self._served = frozenset(served)
@@ -60,7 +60,7 @@ class Shares:
     @property
     def next_s(self) -> float | None:
         """When the plan changes by itself, on the clock given to `plan`; None if never."""
-        return self._owners.next_s
+        return self._assignment.next_s
 
     @property
     def handing_over(self) -> bool:

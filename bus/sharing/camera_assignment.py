@@ -43,12 +43,12 @@ def _log_uniform(worker: str, camera: CameraKey) -> float:
     return math.log((int.from_bytes(digest) + 0.5) / (1 << 8 * _BYTES))
 
 
-class Owners:
+class CameraAssignment:
     """The owner of each camera: the worker that rendezvous hashing gives it to, unless that one leaves it idle.
 
     A worker says with a token that it has taken a camera over, at the latest TAKE_OVER_S after it began to serve it.
-    One that is present and serves nothing, since it is at its limit, hangs or lies, loses the camera to the next one
-    after IDLE_S. It gets the camera back as soon as it shows that token.
+    One that is present and does not take a camera over, since it is at its limit or only a token, loses it to the next
+    one after IDLE_S. It gets the camera back as soon as it shows that token.
 
     me: the worker that looks; it never passes over itself.
     """

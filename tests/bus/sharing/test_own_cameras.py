@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.sharing import owners
-from bus.sharing import shares as sharing_limits
-from bus.sharing.owners import IDLE_S, owner
-from bus.sharing.shares import Shares
+from bus.sharing import camera_assignment, own_cameras
+from bus.sharing.camera_assignment import IDLE_S, owner
+from bus.sharing.own_cameras import OwnCameras
 from schemas.keys import CameraKey
 from schemas.worker_keys import Serves, WorkerAlive
 
@@ -26,8 +25,8 @@ def falls_to(name: str, *others: str) -> set[CameraKey]:
     return {camera for camera in CAMERAS if owner(camera, crew) == name}
 
 
-def shares(name: str, *others: str, cameras: Iterable[CameraKey] = CAMERAS) -> Shares:
-    made = Shares(name)
+def shares(name: str, *others: str, cameras: Iterable[CameraKey] = CAMERAS) -> OwnCameras:
+    made = OwnCameras(name)
     for camera in cameras:
         made.camera(camera, alive=True)
     for each in (name, *others):
@@ -38,7 +37,7 @@ def shares(name: str, *others: str, cameras: Iterable[CameraKey] = CAMERAS) -> S
     return made
 
 
-def serve_all(made: Shares, name: str, cameras: Iterable[CameraKey] = CAMERAS) -> None:
+def serve_all(made: OwnCameras, name: str, cameras: Iterable[CameraKey] = CAMERAS) -> None:
     for camera in cameras:
         made.taken(Serves("detector", name, camera), alive=True)
 
@@ -46,7 +45,7 @@ def serve_all(made: Shares, name: str, cameras: Iterable[CameraKey] = CAMERAS) -
 def test_what_falls_to_it_and_no_more() -> None:
     assert shares("a").plan(0, MOST) == set(CAMERAS)
     assert shares("a", "b").plan(0, MOST) == falls_to("a", "b")
-    assert Shares("a").plan(0, MOST) == frozenset()
+    assert OwnCameras("a").plan(0, MOST) == frozenset()
 
 
 def test_what_falls_to_another_stays_until_that_one_has_taken_it_over() -> None:
@@ -106,7 +105,7 @@ def test_one_that_is_idle_for_a_robot_of_its_own_leaves_it_to_those_for_any() ->
 
 
 def test_where_more_was_taken_over_than_is_remembered_nobody_counts_as_idle(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(owners, "MAX_TAKEN", 2)
+    monkeypatch.setattr(camera_assignment, "MAX_TAKEN", 2)
     made = shares("a")
     made.worker(token("b"), alive=True)
     serve_all(made, "c", CAMERAS[:2])
@@ -171,7 +170,7 @@ def test_no_more_than_it_may() -> None:
 
 
 def test_news_is_what_was_not_known() -> None:
-    made = Shares("a")
+    made = OwnCameras("a")
     taken = Serves("detector", "b", CAMERAS[0])
     assert [made.worker(token("b"), alive=alive) for alive in (False, True, True, False)] == [
         False,
@@ -184,9 +183,13 @@ def test_news_is_what_was_not_known() -> None:
 
 
 def test_what_is_known_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module, name in ((owners, "MAX_WORKERS"), (sharing_limits, "MAX_CAMERAS"), (owners, "MAX_TAKEN")):
+    for module, name in (
+        (camera_assignment, "MAX_WORKERS"),
+        (own_cameras, "MAX_CAMERAS"),
+        (camera_assignment, "MAX_TAKEN"),
+    ):
         monkeypatch.setattr(module, name, 2)
-    made = Shares("a")
+    made = OwnCameras("a")
     assert [made.worker(token(name), alive=True) for name in "abc"] == [True, True, False]
     assert [made.camera(camera, alive=True) for camera in CAMERAS[:3]] == [True, True, False]
     tokens = [Serves("detector", name, CAMERAS[0]) for name in "abc"]
@@ -225,7 +228,7 @@ turns = st.one_of(st.tuples(tokens, st.booleans()), st.tuples(st.sampled_from(CA
 def test_who_was_there_all_along_knows_no_other_owners_than_who_comes_now(
     news: list[tuple[WorkerAlive | CameraKey, bool]],
 ) -> None:
-    made, workers, cameras = Shares("a"), set[WorkerAlive](), set[CameraKey]()
+    made, workers, cameras = OwnCameras("a"), set[WorkerAlive](), set[CameraKey]()
     for name in "bc":
         serve_all(made, name)
     for now_s, (member, alive) in enumerate(news):
