@@ -167,6 +167,8 @@ class History(Generic[M]):
             known.doubted.clear()
             known.kept.clear()
             self._deserted[key] = None
+            if known.held is not None:  # on the new session, as what is timed on the old one is not heeded there
+                self._hold(known, known.held)
 
     def all_appeared(self) -> None:
         """Note that all present publishers have appeared; messages kept by others will not come."""

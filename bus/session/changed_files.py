@@ -7,7 +7,7 @@ from typing import Final
 LOOKED_AT_S: Final = 10.0
 """Interval between two looks at the files."""
 
-Stamp = tuple[int, int, int]
+Stamp = tuple[int, int, int, int]
 
 
 class ChangedFiles:
@@ -39,4 +39,4 @@ def _stamp(file: Path) -> Stamp | None:
         found = file.stat()
     except OSError:
         return None
-    return found.st_ino, found.st_size, found.st_mtime_ns
+    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns  # the last also where a right changes

@@ -119,6 +119,8 @@ class WebSettings(BaseModel):
         if (self.web_certificate is None) != (self.web_key is None):
             missing = "web_certificate" if self.web_certificate is None else "web_key"
             raise ValueError(f"{missing}: HTTPS needs a certificate and its key, and one is given; give both")
+        if self.web_certificate is not None and self.web_url is not None and self.web_url.scheme != "https":
+            raise ValueError("web_url: with web_certificate the page is served over HTTPS; begin it with https://")
         return self
 
 

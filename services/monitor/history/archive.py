@@ -19,6 +19,7 @@ from sqlalchemy import (
     or_,
     select,
     text,
+    true,
     tuple_,
 )
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -180,18 +181,12 @@ class Archive:
         order = (intervals.c.since_ns, intervals.c.robot, intervals.c.camera, intervals.c.name)
         query = intervals.select().where(*_named(asked, intervals), intervals.c.since_ns <= asked.until_ns)
         query = _page(query, order, limit, after)
-        rows: Sequence[Any] = ()
         async with self._connected() as connection:
             query = query.where(*await _with_text(connection, asked.text))
             at_ns = await _heartbeat_ns(connection)
             newest_ns = min(at_ns, asked.until_ns, at_ns if after is None else after[0])
-            for since_ns in [] if asked.robot else _ever_earlier(newest_ns, asked.since_ns):
-                began = (intervals.c.since_ns >= since_ns) & lasted(intervals, since_ns)
-                rows = (await connection.execute(query.where(began))).all()
-                if len(rows) >= min(limit, MAX_ROWS):
-                    break
-            else:
-                rows = (await connection.execute(query.where(lasted(intervals, asked.since_ns)))).all()
+            begins = [] if asked.robot else _ever_earlier(newest_ns, asked.since_ns)
+            rows = await _last_begun(connection, intervals, query, (*begins, asked.since_ns), limit)
         return [lasting_of_row(Interval, row, at_ns) for row in rows]
 
     async def counts(self, asked: HistoryQuery) -> Counts:
@@ -248,11 +243,15 @@ class Archive:
         given = {of.site: asked.site, of.name: asked.name}
         where = [column == value for column, value in given.items() if value]
         where += [] if asked.zone is None else [of.zone == asked.zone]
-        query = stock.select().where(*where, lasted(stock, asked.since_ns), of.since_ns <= asked.until_ns)
+        query = stock.select().where(*where, of.since_ns <= asked.until_ns)
         query = _page(query, (of.since_ns, of.site, of.zone, of.name), limit, after)
         async with self._connected() as connection:
+            if not await _has(connection, stock):
+                return []
             at_ns = await _heartbeat_ns(connection)
-        return [lasting_of_row(StockLevel, row, at_ns) for row in await self._read_later(stock, query)]
+            begins = _ever_earlier(min(at_ns, asked.until_ns, at_ns if after is None else after[0]), asked.since_ns)
+            rows = await _last_begun(connection, stock, query, (*begins, asked.since_ns), limit)
+        return [lasting_of_row(StockLevel, row, at_ns) for row in rows]
 
     async def stock_counts(self, asked: WorldQuery) -> Counts:
         """Return how many objects a zone held over the time that is asked for, by class."""
@@ -314,6 +313,18 @@ def _page(query: Select[Any], order: Sequence[Any], limit: int, after: tuple[Any
     if after is not None:
         query = query.where(tuple_(*order) < tuple_(*after))
     return query.order_by(*(each.desc() for each in order)).limit(min(limit, MAX_ROWS))
+
+
+async def _last_begun(
+    connection: AsyncConnection, table: Table, query: Select[Any], begins: Sequence[int], most: int
+) -> Sequence[Any]:
+    """Return the rows of a query that began last. begins: ever earlier times to look from, the last of them for all."""
+    rows: Sequence[Any] = ()
+    for since_ns in begins:
+        began = lasted(table, since_ns) & ((table.c.since_ns >= since_ns) if since_ns != begins[-1] else true())
+        if len(rows := (await connection.execute(query.where(began))).all()) >= min(most, MAX_ROWS):
+            break
+    return rows
 
 
 def _ever_earlier(newest_ns: int, since_ns: int) -> Iterator[int]:

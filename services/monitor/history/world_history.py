@@ -18,6 +18,9 @@ ONE_MOVE_NS: Final = 60 * NS
 MAX_MOVES: Final = 10_000
 """Objects whose last move is remembered to be continued."""
 
+UNKNOWN_NS: Final = 30 * NS
+"""How long nothing may be known of a site before its stock ends: a message that is lost is asked for within seconds."""
+
 MAX_STOCK_CLASSES: Final = 64
 """Classes of a zone of which the history keeps how many there are, the first by name."""
 
@@ -85,17 +88,25 @@ class WorldHistory:
         self._moves: dict[tuple[str, str], ObjectEvent] = {}
         self._levels: dict[tuple[str, str], dict[str, int]] = {}
         self._versions: dict[str, int] = {}
+        self._unknown_since_ns: dict[str, int] = {}
 
     def note(self, now_ns: int) -> Iterator[None]:
         """Enter what changed since the last call, and yield after each zone."""
         for name, site in list(self._world.sites.items()):
             self._enter(name, site.take_events(), now_ns)
             current = not site.is_behind and self._sites.is_current(name, now_ns)
+            at_ns = now_ns
+            if current:
+                self._unknown_since_ns.pop(name, None)
+            else:
+                at_ns = self._unknown_since_ns.setdefault(name, now_ns)
+                if abs(now_ns - at_ns) < UNKNOWN_NS:
+                    continue
             version = site.version if current else -1
             if self._versions.get(name, -1) != version:
                 self._versions[name] = version
                 for zone in (SITE, *(each.name for each in site.zones)):
-                    self._note((name, zone), _levels(site.count(zone)) if current else {}, now_ns)
+                    self._note((name, zone), _levels(site.count(zone)) if current else {}, at_ns)
                     yield
 
     def _note(self, place: tuple[str, str], levels: dict[str, int], now_ns: int) -> None:

@@ -130,7 +130,7 @@ def place_of(settings: WebSettings) -> ServedAt:
         origin="" if url is None else origin_of(url),
         hosts=hosts if url is None or not hosts else hosts | {url.host or ""},
         open_metrics=settings.web_open_metrics,
-        secure=is_secure(settings),
+        secure=settings.web_certificate is not None,
     )
 
 

@@ -32,6 +32,9 @@ TURNED_AWAY: Final = 50
 SHARE: Final = 4
 """One address has at most one in so many of all connections: what it does not use is left to others."""
 
+FEWEST: Final = 16
+"""Connections that an address may always have: a browser opens six."""
+
 PROXIES: Final = frozenset({"127.0.0.1", "::1"})
 """Addresses without such a limit: a proxy on this machine speaks for everybody."""
 
@@ -58,7 +61,7 @@ class BoundedProtocol(HttpToolsProtocol):
         super().connection_made(transport)
         if self.limit_concurrency is not None and (
             len(self.connections) > self.limit_concurrency + TURNED_AWAY
-            or self._of_this_address() > max(1, self.limit_concurrency // SHARE)
+            or self._of_this_address() > max(FEWEST, self.limit_concurrency // SHARE)
         ):
             transport.abort()
             return

@@ -23,6 +23,7 @@ class PageTls:
         self._pair = certificate, key
         self._files = ChangedFiles(self._pair)
         self.context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        check_pair(*self._named_pair)
         self._load()
 
     async def keep_current(self) -> None:
@@ -33,13 +34,18 @@ class PageTls:
                 continue
             self._files.use()
             try:
-                await asyncio.to_thread(self._load)
-            except BusError as error:
+                await asyncio.to_thread(check_pair, *self._named_pair)
+                self._load()  # here, where connections begin: between certificate and key they would fail
+            except (BusError, OSError) as error:
                 log.warning("%s; until that is mended, the page goes on with the certificate as it was", error)
             else:
                 log.info("the page's certificate has changed; new connections use it")
 
+    @property
+    def _named_pair(self) -> tuple[str, Path, str, Path]:
+        certificate, key = self._pair
+        return "web_certificate", certificate, "web_key", key
+
     def _load(self) -> None:
         certificate, key = self._pair
-        check_pair("web_certificate", certificate, "web_key", key)
-        self.context.load_cert_chain(certificate, key)
+        self.context.load_cert_chain(certificate, key, password="")

@@ -151,9 +151,10 @@ class WorldConditions:
         """Yield that it is not known whether a rule holds, but for some robots."""
         if not isinstance(rule, OF_OBJECTS):
             yield rule, "", Finding(rule.of, holds=None)
-        for robot, held in self._held.get(rule.name, NOTHING_HELD).items():
+        for robot, held in list(self._held.get(rule.name, NOTHING_HELD).items()):  # more may be adopted meanwhile
             if robot not in known:
-                yield from ((rule, robot, Finding(rule.of, holds=None, object=each)) for each in held)
+                self._left_out.pop((rule.name, robot), None)
+                yield from ((rule, robot, Finding(rule.of, holds=None, object=each)) for each in tuple(held))
 
     def _of_objects(self, rule: WorldRule, robot: str, texts: Mapping[str, str]) -> Iterator[Found]:
         """Yield for which objects a rule holds, and for which not any more. texts: of those it holds for, by id."""

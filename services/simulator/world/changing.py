@@ -3,6 +3,7 @@
 Forklifts drive, goods are taken away, brought and moved; always the same for the same arguments.
 """
 
+import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -43,6 +44,9 @@ STEP_S: Final = 0.25
 TRIES: Final = 30
 WAIT_S: Final = 1.0
 """Time between tries: a robot was in the way, or there was no room."""
+
+IN_VAIN: Final = 100
+"""Attempts in a row without a possible change after which the world stays as it is."""
 
 
 class ChangeKind(StrEnum):
@@ -99,13 +103,18 @@ class ChangingWorld:
     def changes(self, second: float) -> Sequence[Change]:
         """The changes that have begun by then, in the order in which they began."""
         while self._begins[-1] <= second:
-            self._changes.append(next(self._planned))
-            self._begins.append(self._changes[-1].begins_s)
+            change = next(self._planned, None)
+            if change is None:
+                self._begins.append(math.inf)
+                break
+            self._changes.append(change)
+            self._begins.append(change.begins_s)
         return self._changes[: bisect_right(self._begins, second) - 1]
 
     def places(self, second: float) -> dict[int, Frame | None]:
         """Where the movables are that have changed by then, by number; None for away."""
-        return {change.movable: change.place(second) for change in self.changes(second)}
+        newest = {change.movable: change for change in self.changes(second)}
+        return {movable: change.place(second) for movable, change in newest.items()}
 
     def scene(self, second: float) -> Scene:
         """The scene at an instant: `render`, `truth` and `turn` take it as they take any other."""
@@ -142,13 +151,16 @@ class _Planner:
         self._rooms: dict[int, Clearance] = {}
 
     def changes(self) -> Iterator[Change]:
-        second = 0.0
-        while True:
+        """Yield changes, forever, or until none was possible for IN_VAIN attempts."""
+        second, in_vain = 0.0, 0
+        while in_vain < IN_VAIN:
             second += float(self._rng.exponential(self._gap_s))
             change = self._found(second)
             if change is None:
                 second += TRIES * WAIT_S
+                in_vain += 1
                 continue
+            in_vain = 0
             self._places[change.movable] = change.place(change.ends_s)
             self._rooms.clear()
             second = max(second, change.ends_s)

@@ -14,6 +14,7 @@ from schemas.keys import CameraKey
 from schemas.printing import printable
 from services.toolbox.collect.pictures import Picture, labels
 
+SPLITS: Final = ("train", "val", "test")
 RECORD: Final = "collected.jsonl"
 NAMES: Final = "data.yaml"
 
@@ -45,9 +46,13 @@ class Dataset:
         """
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            if (folder / NAMES).exists() and not (folder / RECORD).exists():
+                of_another = f"a data set of another tool, whose {NAMES} would change; name another folder"
+                raise DatasetError(f"{printable(str(folder))}: {of_another}")
             known = _names_in(folder / NAMES)
             dataset = cls(folder, [*known, *(name for name in dict.fromkeys(names) if name not in known)])
             dataset._read_record()
+            (folder / RECORD).touch()
             dataset._write_names()
         except OSError as error:
             raise DatasetError(f"{printable(str(error.filename or folder))}: {error.strerror}") from error
@@ -61,8 +66,8 @@ class Dataset:
     def save(self, picture: Picture, why: str, found: Detections | None, split: str, hidden: tuple[str, ...]) -> Path:
         """Write a picture, the drafts of its labels if there are any, and a line about both; return its file.
 
-        hidden: classes that are blurred in it, and so have no labels. What is half written when the process dies has
-        no line in the record.
+        hidden: classes that are blurred wherever they are found, and so have no labels. What is half written when the
+        process dies has no line in the record.
 
         Raises:
             OSError: the disk is full, or the folder gone.
@@ -81,12 +86,13 @@ class Dataset:
             "why": why,
             "fingerprint": f"{picture.fingerprint:016x}",
             "bytes": len(picture.file),
+            "blurred": list(picture.blurred),
         }
         if found is not None:
             self._learn(each.name for each in found.objects if each.name not in hidden)
             codes = {name: code for code, name in enumerate(self.names) if name not in hidden}
             _write_whole(_labels_of(file), "".join(labels(found, codes)).encode())
-            about |= {"drafts_by": found.model, "worker": found.worker, "blurred": list(hidden)}
+            about |= {"drafts_by": found.model, "worker": found.worker}
         with (self.folder / RECORD).open("a", encoding="utf-8") as record:
             record.write(json.dumps(about) + "\n")
         self._note(about)
@@ -99,19 +105,21 @@ class Dataset:
             self._write_names()
 
     def _write_names(self) -> None:
-        folders = {split: f"{split}/images" for split in ("train", "val")}
+        folders = {split: f"{split}/images" for split in SPLITS}
         content = {"path": str(self.folder.resolve()), **folders, "names": dict(enumerate(self.names))}
         _write_whole(self.folder / NAMES, yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode())
 
     def _read_record(self) -> None:
         record = self.folder / RECORD
-        lines = record.read_text(encoding="utf-8").splitlines() if record.exists() else []
+        text = record.read_text(encoding="utf-8") if record.exists() else ""
+        whole, _, torn = text.rpartition("\n")
+        if torn:  # of a process that was killed as it wrote
+            record.write_text(f"{whole}\n" if whole else "", encoding="utf-8")
+        lines = whole.splitlines()
         for number, line in enumerate(lines, 1):
             try:
                 self._note(json.loads(line))
             except (ValueError, KeyError, TypeError) as error:
-                if number == len(lines):  # the last one of a process that was killed
-                    continue
                 raise DatasetError(f"{printable(str(record))}: line {number} is damaged; remove it") from error
 
     def _note(self, about: dict[str, Any]) -> None:

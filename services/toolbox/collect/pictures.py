@@ -1,7 +1,7 @@
 """A picture that is collected: its file, its likeness to others, its labels. Pure."""
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import cv2
@@ -24,12 +24,17 @@ BLUR_PARTS: Final = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Picture:
-    """A colour image. file: JPEG. fingerprint: 64 bits, few of which differ between pictures that look alike."""
+    """A colour image.
+
+    file: JPEG. fingerprint: 64 bits, few of which differ between pictures that look alike. blurred: the classes of
+    which objects are blurred in it.
+    """
 
     frame: ImageFrame
     pixels: NDArray[np.uint8]
     file: bytes
     fingerprint: int
+    blurred: tuple[str, ...] = ()
 
 
 def picture_of(frame: ImageFrame) -> Picture:
@@ -54,13 +59,15 @@ def fingerprint(pixels: NDArray[np.uint8]) -> int:
 
 def blurred(picture: Picture, objects: Collection[Detection], names: Collection[str]) -> Picture:
     """Return the picture with the objects of these classes made unrecognisable, whole boxes of them."""
-    pixels, changed = picture.pixels.copy(), False
+    pixels, changed = picture.pixels.copy(), set[str]()
     for each in objects:
         rows, columns = _place(each.box, pixels)
         if each.name in names and pixels[rows, columns].size:
             pixels[rows, columns] = _patches(pixels[rows, columns])
-            changed = True
-    return Picture(picture.frame, pixels, jpeg_of(pixels), picture.fingerprint) if changed else picture
+            changed.add(each.name)
+    if not changed:
+        return picture
+    return replace(picture, pixels=pixels, file=jpeg_of(pixels), blurred=tuple(sorted(changed)))
 
 
 def labels(found: Detections, codes: Mapping[str, int]) -> Iterator[str]:

@@ -5,12 +5,14 @@ import logging
 import sys
 from asyncio import Event, Lock, Task, TaskGroup
 from collections import Counter
+from functools import partial
 from typing import Final
 
 from bus import LATEST, QUEUE, Bus, RequestError, Sample, Subscription, Watch, open_bus
 from fleetsight.asking import ask_detectors
 from fleetsight.listening import images_of
 from fleetsight.patterns import chunk
+from gateway.ros1.tasks import to_the_end
 from schemas import codec, keys
 from schemas.detections import ClassList, Detections
 from schemas.errors import SchemaError
@@ -95,7 +97,11 @@ class Collecting:
 
     async def _watch(self, present: Watch, bus: Bus, group: TaskGroup) -> None:
         async for presence in present:
-            key = keys.parse_stream(presence.key).camera
+            try:
+                key = keys.parse_stream(presence.key).camera
+            except SchemaError as error:
+                log.warning("%s: left out: %s", presence.key[:200], error)
+                continue
             if presence.alive and key not in self._cameras:
                 camera = self._cameras[key] = _Camera(CameraRules(self._rules))
                 camera.task = group.create_task(self._serve(bus, key, camera))
@@ -108,12 +114,12 @@ class Collecting:
                 self._look(sample)
 
     def _look(self, sample: Sample) -> None:
-        key = keys.parse_stream(sample.key)
         try:
+            key = keys.parse_stream(sample.key)
             seen = codec.decode(ClassList, sample.payload, sample.encoding)
             codec.check_identity(seen.header, key.camera)
         except SchemaError as error:
-            log.warning("%s: left out: %s", sample.key, error)
+            log.warning("%s: left out: %s", sample.key[:200], error)
             return
         camera = self._cameras.get(key.camera)
         if camera is not None:
@@ -140,20 +146,14 @@ class Collecting:
         if self._dataset.is_known(key, picture.fingerprint, self._settings.least_difference):
             self.counts["like others"] += 1
             return
-        found = await self._drafts(bus, key, picture)
-        if found is None and self._settings.blur:
-            self._lose(key, "not saved, since nobody could say what to blur", "not saved: no detector worker answered")
-            return
+        found = None
+        if self._settings.drafts or self._settings.blur:
+            try:
+                found = await ask_detectors(bus, picture.file, ANSWER_S)
+            except (RequestError, SchemaError) as error:  # without labels it would say that there is nothing to see
+                self._lose(key, "without an answer of a detector worker", f"not saved: {error}")
+                return
         await self._save(key, picture, why, found)
-
-    async def _drafts(self, bus: Bus, key: CameraKey, picture: Picture) -> Detections | None:
-        if not (self._settings.drafts or self._settings.blur):
-            return None
-        try:
-            return await ask_detectors(bus, picture.file, ANSWER_S)
-        except (RequestError, SchemaError) as error:
-            log.warning("%s: no drafts of labels: %s", key, error)
-            return None
 
     async def _save(self, key: CameraKey, picture: Picture, why: str, found: Detections | None) -> None:
         hidden = tuple(self._settings.blur)
@@ -162,7 +162,10 @@ class Collecting:
         drafts = found if self._settings.drafts else None
         try:
             async with self._saving:
-                file = await asyncio.to_thread(self._dataset.save, picture, why, drafts, self._settings.split, hidden)
+                if self._full.is_set():
+                    return
+                save = partial(self._dataset.save, picture, why, drafts, self._settings.split, hidden)
+                file = await to_the_end(asyncio.to_thread(save))
         except OSError as error:
             self._lose(key, "not written", f"{error.filename}: {error.strerror}")
             return

@@ -1,9 +1,14 @@
 """Rules that say when a picture of a camera is worth taking. Pure."""
 
+from collections import OrderedDict
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from typing import Final
 
 from schemas.detections import ClassList
+
+KEPT: Final = 100
+"""Lists of each model that are kept: the one under trial may be some frames behind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,10 +30,13 @@ class CameraRules:
 
     rules: Rules
     _in_view: frozenset[str] | None = None
-    _frames: dict[bool, ClassList] = field(default_factory=dict)
+    _lists: dict[bool, OrderedDict[tuple[str, int], ClassList]] = field(
+        default_factory=lambda: {False: OrderedDict(), True: OrderedDict()}
+    )
 
     def seen(self, classes: ClassList) -> str | None:
         """Return why a list of the fleet's model asks for a picture, None if it does not."""
+        disagree = self._compared(classes, of_opinion=False)
         names = frozenset(each.name for each in classes.classes)
         before, self._in_view = self._in_view, names
         low, high = self.rules.unsure
@@ -37,7 +45,7 @@ class CameraRules:
                 return f"unsure: {each.name} {each.score:.2f}"
         if before is not None and (new := sorted((names - before).intersection(self.rules.appears))):
             return f"appears: {', '.join(new)}"
-        return self._compared(classes, of_opinion=False)
+        return disagree
 
     def opinion(self, classes: ClassList) -> str | None:
         """Return why a list of the model under trial asks for a picture, None if it does not."""
@@ -46,13 +54,12 @@ class CameraRules:
     def _compared(self, classes: ClassList, *, of_opinion: bool) -> str | None:
         if not self.rules.disagree:
             return None
-        self._frames[of_opinion] = classes
-        other = self._frames.get(not of_opinion)
-        if other is None or _frame(other) != _frame(classes):
+        frame = classes.header.boot_id, classes.header.seq
+        self._lists[of_opinion][frame] = classes
+        if len(self._lists[of_opinion]) > KEPT:
+            self._lists[of_opinion].popitem(last=False)
+        other = self._lists[not of_opinion].get(frame)
+        if other is None:
             return None
         only = {each.name for each in classes.classes} ^ {each.name for each in other.classes}
         return f"models disagree: {', '.join(sorted(only))}" if only else None
-
-
-def _frame(classes: ClassList) -> tuple[str, int]:
-    return classes.header.boot_id, classes.header.seq

@@ -240,6 +240,18 @@ def test_a_cache_that_never_answers_holds_a_key_up_for_a_while_only() -> None:
     assert received.outcome == ([3, 4, 5, 6, 7], 0)
 
 
+def test_what_is_held_over_a_cut_is_held_for_a_while_only() -> None:
+    received = Received()
+    received.appear(kept=None)
+    received.live(3)
+    before = len(received.holds)
+    received.history.cut_off()
+    assert len(received.holds) == before + 1
+    received.appear(kept=None)
+    received.history.end_hold(received.holds[-1])
+    assert received.messages == [3]
+
+
 def test_only_the_hold_that_was_meant_ends() -> None:
     received = Received()
     received.appear(kept=None)

@@ -28,6 +28,14 @@ def test_a_file_that_is_gone_and_back_as_it_was_is_another_one(tmp_path: Path) -
     assert [files.changed(), files.changed()] == [False, True]
 
 
+def test_a_right_that_changes_is_a_change(tmp_path: Path) -> None:
+    file = tmp_path / "r1.key"
+    file.write_text("key")
+    files = ChangedFiles([file])
+    file.chmod(0o600)
+    assert [files.changed(), files.changed()] == [False, True]
+
+
 def test_without_files_nothing_changes() -> None:
     files = ChangedFiles([None, None])
     assert not files

@@ -201,6 +201,14 @@ async def test_the_inventory_is_what_is_in_the_warehouse_by_class_and_zone(site:
         await expect(page.locator("[data-object]")).to_have_count(3)
 
 
+async def test_the_address_of_a_site_s_inventory_can_be_opened_again(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go(f"/inventory?site={SITE}")
+        await expect(page.get_by_role("heading", name="By class and zone")).to_be_visible()
+        await page.reload()
+        await expect(page.get_by_role("heading", name="By class and zone")).to_be_visible()
+
+
 async def test_an_unknown_object_and_an_unknown_site_are_answered_clearly(site: Site, tmp_path: Path) -> None:
     async with looking(site.browser, site.at, tmp_path) as looker:
         page = await looker.go(f"/world/{SITE}/zz99")

@@ -63,7 +63,8 @@ class RequestInfo:
 class ServedAt:
     """Our own address. origin: that of a proxy in front, like https://fleet.example, or empty.
 
-    hosts: allowed host names, without ports; any if empty. open_metrics: they need no token. secure: over HTTPS only.
+    hosts: allowed host names, without ports; any if empty. open_metrics: they need no token. secure: over our own
+    HTTPS.
     """
 
     origin: str = ""

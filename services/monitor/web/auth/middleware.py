@@ -45,8 +45,8 @@ def problem(status: int, reason: str, headers: Mapping[str, str] | None = None) 
     return JSONResponse({"error": reason}, status, headers=headers)
 
 
-HTTPS_ONLY: Final = {"Strict-Transport-Security": "max-age=31536000"}
-"""For a year browsers come by HTTPS alone, whatever somebody types (RFC 6797)."""
+HTTPS_ONLY: Final = {"Strict-Transport-Security": "max-age=86400"}
+"""For a day browsers come to this host by HTTPS alone, at every port, whatever somebody types (RFC 6797)."""
 
 
 def with_headers(send: Send, *, secure: bool) -> Send:

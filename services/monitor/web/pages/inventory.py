@@ -121,7 +121,8 @@ class _Inventory:
                     ui.label("By class and zone")
                 self._all = ui.button("Whole site", icon="close", on_click=self._choose_all).props("flat dense")
                 ui.element("div").classes("fs-spring")
-                self._site = ui.select({"": ""}, value=self._choices["site"] or "", on_change=self._choose_site)
+                chosen = self._choices["site"] or ""
+                self._site = ui.select({"": "", chosen: chosen}, value=chosen, on_change=self._choose_site)
                 self._site.props('dense outlined options-dense aria-label="Site"')
             table = LiveTable(
                 STOCK_COLUMNS, self._load_stock, row_key="key", sort="zone", body=STOCK_BODY, card=STOCK_CARD
@@ -161,9 +162,9 @@ class _Inventory:
     async def refresh(self) -> None:
         """Show what is there now."""
         fleet, now_ns = self._monitor.fleet, time.time_ns()
-        self._offer_sites(site_names(fleet.world, fleet.sites))
         chosen = self._site.value or ""
         self._shown = shown_site(fleet.world, fleet.sites, now_ns, chosen=chosen, join=self._join)
+        self._offer_sites(site_names(fleet.world, fleet.sites))
         site = self._shown.objects
         self._notice.set_text(self._shown.notice)
         self._notice.set_visibility(bool(self._shown.notice))
@@ -181,9 +182,11 @@ class _Inventory:
         await self._objects.refresh()
 
     def _offer_sites(self, names: list[str]) -> None:
-        known = {"": "", **{name: name for name in names}} if len(names) > 1 else {"": ""}
-        known.setdefault(self._site.value or "", self._site.value or "")
-        known[""] = names[0] if names else ""
+        known = {name: name for name in names}
+        if self._site.value:
+            known.setdefault(self._site.value, self._site.value)
+        else:
+            known = {"": known.pop(self._shown.name, ""), **known}
         if known != self._site.options:
             self._site.set_options(known)
         self._site.set_visibility(len(names) > 1)

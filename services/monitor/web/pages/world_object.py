@@ -192,6 +192,11 @@ class _ObjectPage:
                 "It is another object",
                 f"It turned out to be {last.into}, {seen_lately(last.until_ns, now_ns)}.",
             )
+        elif not shown.current:
+            title, advice = "Its site is not known now", shown.notice
+        elif last is not None and last.kind != ChangeKind.GONE:
+            title = f"{last.name} {self._id} is not known any more"
+            advice = f"The world model has begun anew since it was last heard of, {ago(last.until_ns, now_ns)}."
         elif last is not None:
             title = f"{last.name} {self._id} is gone"
             advice = f"Nothing was at its place when somebody looked, {ago(last.until_ns, now_ns)}."

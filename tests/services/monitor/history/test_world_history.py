@@ -15,6 +15,7 @@ from services.monitor.history.world_history import (
     ALL_CLASSES,
     MAX_STOCK_CLASSES,
     ONE_MOVE_NS,
+    UNKNOWN_NS,
     ObjectEvent,
     StockLevel,
     WorldHistory,
@@ -148,6 +149,8 @@ def test_while_the_world_model_is_silent_nothing_is_known_and_a_gap_is_left(hall
     hall.levels()
     silent_s = FRESH_NS / S + 1
     hall.note(silent_s, there=False)
+    assert hall.levels() == {}, "it may be known again at once"
+    hall.note(silent_s + UNKNOWN_NS / S, there=False)
     assert hall.levels() == {
         (SITE, ALL_CLASSES): [(1, 0, silent_s, False)],
         (SITE, "box"): [(1, 0, silent_s, False)],
@@ -155,6 +158,17 @@ def test_while_the_world_model_is_silent_nothing_is_known_and_a_gap_is_left(hall
     }
     hall.note(60)
     assert hall.levels()[SITE, "box"] == [(1, 60, 60, True)]
+
+
+def test_a_moment_in_which_nothing_is_known_ends_no_level(hall: Hall) -> None:
+    hall.tell(APPEARED, "a", 9)
+    hall.note(0)
+    hall.levels()
+    silent_s = FRESH_NS / S + 1
+    hall.note(silent_s, there=False)
+    hall.note(silent_s + 1)
+    hall.note(silent_s + UNKNOWN_NS / S + 2)
+    assert hall.levels() == {}
 
 
 def test_classes_of_a_zone_are_limited_and_the_sum_is_of_all(hall: Hall) -> None:

@@ -62,9 +62,9 @@ async def test_browsers_come_by_https_alone(tmp_path: Path) -> None:
         trusting = ssl.create_default_context(cafile=str(tmp_path / "ca.pem"))
         async with httpx.AsyncClient(base_url=web.url, verify=trusting, timeout=30) as browser:
             health = await browser.get("/healthz")
-            assert (health.status_code, health.headers[HSTS]) == (200, "max-age=31536000")
+            assert (health.status_code, health.headers[HSTS]) == (200, "max-age=86400")
             page = await browser.get("/")
-            assert (page.status_code, page.headers[HSTS]) == (303, "max-age=31536000")
+            assert (page.status_code, page.headers[HSTS]) == (303, "max-age=86400")
         async with httpx.AsyncClient(base_url=web.url.replace("https", "http"), timeout=30) as plain:
             with pytest.raises(httpx.TransportError):
                 await plain.get("/healthz")
@@ -102,6 +102,8 @@ def test_files_that_cannot_be_used_are_refused_at_the_start(tmp_path: Path) -> N
     own, other = files(tmp_path), files(tmp_path, "gpu1")
     with pytest.raises(ValueError, match="web_key: HTTPS needs a certificate and its key, and one is given; give both"):
         MonitorSettings.model_validate({"web_certificate": own["web_certificate"]})
+    with pytest.raises(ValueError, match="web_url: with web_certificate the page is served over HTTPS"):
+        MonitorSettings.model_validate({**own, "web_url": "http://fleet.example"})
     with pytest.raises(BusError, match=r"^web_key .*gpu1.key: does not belong to web_certificate .*central.pem$"):
         Web.of(MonitorSettings.model_validate({"web_port": 0, **own, "web_key": other["web_key"]}))
     own["web_key"].chmod(0o644)

@@ -178,3 +178,10 @@ def _corners(scene: Scene, number: int, place: Frame) -> NDArray[np.float64]:
 
 def _looking_at(place: Frame) -> Pose:
     return Pose.looking(place.x - 2.5, place.y, 1.5, yaw=0.0, pitch=-0.4)
+
+
+def test_a_world_in_which_nothing_can_change_stays_as_it_is() -> None:
+    scene = replace(generate(SEED), movables=())
+    world = ChangingWorld(scene, 60.0)
+    assert world.changes(1_000.0) == []
+    assert world.scene(2_000.0) is scene

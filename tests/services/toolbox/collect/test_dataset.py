@@ -41,6 +41,7 @@ def test_pictures_labels_names_and_where_they_are_from(tmp_path: Path) -> None:
         "path": str(tmp_path / "site"),
         "train": "train/images",
         "val": "val/images",
+        "test": "test/images",
         "names": {0: "pallet", 1: "box"},
     }
     assert (dataset.count, dataset.size) == (1, file.stat().st_size)
@@ -84,7 +85,17 @@ def test_a_line_that_a_killed_process_left_half_is_passed_over(tmp_path: Path) -
     saved(Dataset.open(tmp_path, NAMES))
     with (tmp_path / "collected.jsonl").open("a") as record:
         record.write('{"file": "tr')
-    assert Dataset.open(tmp_path, NAMES).count == 1
+    after = Dataset.open(tmp_path, NAMES)
+    assert after.count == 1
+    saved(after, seq=1)
+    assert Dataset.open(tmp_path, NAMES).count == 2
+
+
+def test_a_data_set_of_another_tool_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "data.yaml").write_text("names: {0: tote}")
+    with pytest.raises(DatasetError, match="a data set of another tool"):
+        Dataset.open(tmp_path, NAMES)
+    assert (tmp_path / "data.yaml").read_text() == "names: {0: tote}"
 
 
 @pytest.mark.parametrize(
@@ -97,6 +108,7 @@ def test_a_line_that_a_killed_process_left_half_is_passed_over(tmp_path: Path) -
     ],
 )
 def test_a_damaged_folder_is_refused(name: str, content: str, why: str, tmp_path: Path) -> None:
+    (tmp_path / "collected.jsonl").touch()
     (tmp_path / name).write_text(content)
     with pytest.raises(DatasetError, match=f"{name}: {why}"):
         Dataset.open(tmp_path, NAMES)

@@ -83,6 +83,7 @@ def test_what_is_blurred_is_one_colour_in_patches_and_the_rest_stays() -> None:
     outside[inside] = False
     assert np.array_equal(changed.pixels[outside], picture.pixels[outside])
     assert changed.file != picture.file
+    assert (changed.blurred, picture.blurred) == (("person",), ())
     assert blurred(picture, [person], ["dog"]) is picture
 
 

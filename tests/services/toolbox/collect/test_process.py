@@ -5,18 +5,19 @@ import json
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
-from bus import Reply, Request
+from bus import QoS, Reply, Request
 from schemas import codec, worker_keys
-from schemas.detections import Box, Detection, Detections
+from schemas.detections import Box, ClassList, Detection, Detections, class_list
 from schemas.keys import Stream
 from schemas.worker_keys import WorkerAlive
 from services.toolbox.collect.process import run
 from services.toolbox.collect.settings import CollectSettings
 from tests.contract.waiting import until
-from tests.fleetsight.stand_in import stand_in
+from tests.fleetsight.stand_in import FOUND, FRONT, stand_in
 from tests.schemas.frames import header
 
 
@@ -56,21 +57,41 @@ async def test_none_is_saved_twice_and_that_is_told(tmp_path: Path, capsys: pyte
     assert "like others" in said
 
 
-async def test_without_a_worker_pictures_have_no_drafts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("services.toolbox.collect.process.ANSWER_S", 0.5)
-    async with stand_in(worker=False) as fleet, asyncio.timeout(60):
-        assert await run(settings(fleet.endpoint, tmp_path, every_s=0.1, most=1)) == 0
-    assert "drafts_by" not in records(tmp_path)[0]
-
-
-async def test_without_a_worker_nothing_is_saved_that_was_to_be_blurred(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("more", [{}, {"blur": ["person"]}, {"drafts": False, "blur": ["person"]}])
+async def test_what_no_worker_answers_for_is_not_saved(
+    more: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("services.toolbox.collect.process.ANSWER_S", 0.5)
     async with stand_in(worker=False) as fleet, asyncio.timeout(60):
-        assert await run(settings(fleet.endpoint, tmp_path, every_s=0.1, seconds=3, blur=["person"])) == 1
+        assert await run(settings(fleet.endpoint, tmp_path, every_s=0.1, seconds=3, **more)) == 1
     assert not (tmp_path / "train").exists()
-    assert "not saved, since nobody could say what to blur" in capsys.readouterr().out
+    assert "without an answer of a detector worker" in capsys.readouterr().out
+
+
+async def test_without_drafts_nobody_is_asked(tmp_path: Path) -> None:
+    async with stand_in(worker=False) as fleet, asyncio.timeout(60):
+        assert await run(settings(fleet.endpoint, tmp_path, every_s=0.1, most=1, drafts=False)) == 0
+    assert "drafts_by" not in records(tmp_path)[0]
+
+
+async def test_models_that_disagree(tmp_path: Path) -> None:
+    async with stand_in() as fleet, asyncio.timeout(60):
+        key, kind = FRONT.stream(Stream.OPINION), codec.encoding(ClassList)
+        async with fleet.bus.publisher(key, QoS.RESULT, encoding=kind) as opinions:
+            opinions.put(codec.encode(msgspec.structs.replace(class_list(FOUND), classes=[])))
+            assert await run(settings(fleet.endpoint, tmp_path, disagree=True, most=1)) == 0
+    assert records(tmp_path)[0]["why"] == "models disagree: box"
+
+
+async def test_keys_that_nobody_should_use_end_nothing(tmp_path: Path) -> None:
+    async with (
+        stand_in() as fleet,
+        asyncio.timeout(60),
+        fleet.bus.announce("fleet/r 1/front/color/alive"),
+        fleet.bus.publisher("fleet/r 1/front/classes", QoS.RESULT, encoding=codec.encoding(ClassList)) as odd,
+    ):
+        odd.put(codec.encode(class_list(FOUND)))
+        assert await run(settings(fleet.endpoint, tmp_path, unsure="0.7..0.8", most=1)) == 0
 
 
 async def test_what_is_to_be_blurred_is(tmp_path: Path) -> None:

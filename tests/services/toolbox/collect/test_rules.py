@@ -41,6 +41,12 @@ def test_models_disagree_about_the_same_frame_alone() -> None:
     assert rules.opinion(seen(2, "other boot")) is None
     assert rules.seen(seen(3, box=0.9)) is None
     assert rules.opinion(seen(3, box=0.3)) is None, "they see the same classes"
+    for seq in range(4, 9):
+        assert rules.seen(seen(seq, box=0.9)) is None
+    assert rules.opinion(seen(5, pallet=0.9)) == "models disagree: box, pallet", "a slow model is some frames behind"
+    unsure = CameraRules(Rules((0.25, 0.4), disagree=True))
+    assert unsure.seen(seen(1, box=0.3)) == "unsure: box 0.30"
+    assert unsure.opinion(seen(1, pallet=0.9)) == "models disagree: box, pallet"
 
 
 def test_without_rules_nothing_is_asked_for() -> None:
