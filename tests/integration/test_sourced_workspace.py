@@ -14,7 +14,7 @@ PATIENCE_S = 120
 def test_the_demo_runs_in_a_workspace_whose_packages_are_called_like_ours(tmp_path: Path) -> None:
     command, workspace = install(tmp_path / "installed"), decoys(tmp_path / "workspace")
     ended = subprocess.run(
-        [command, "demo", "--robots", "1", "--seconds", "15"],
+        [command, "demo", "--robots", "1", "--seconds", "30"],
         capture_output=True,
         text=True,
         check=False,
