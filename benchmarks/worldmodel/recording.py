@@ -35,7 +35,7 @@ from services.simulator.world import (
 )
 from services.simulator.world.cuboids import Frame
 from services.training.evaluation.predictor import Predictor
-from services.training.files import write_whole
+from services.training.files import keep_file
 
 CAMERA: Final = "camera"
 NOTHING: Final = 0
@@ -156,7 +156,7 @@ class Recorder:
             return msgspec.msgpack.decode(file.read_bytes(), type=kind)
         made = make()
         self.folder.mkdir(parents=True, exist_ok=True)
-        write_whole(file, msgspec.msgpack.encode(made))
+        keep_file(file, msgspec.msgpack.encode(made))
         return made
 
 

@@ -13,7 +13,7 @@ from services.geometry.outlines import Polygon, outline
 from services.simulator.world import CLASSES, SeenObject, Sensor, expose, generate, truth_of
 from services.simulator.world.clearance import Clearance
 from services.training import parallel
-from services.training.files import write_whole
+from services.training.files import keep_file
 from services.training.parallel import Progress
 from services.training.viewpoints import draw_view
 
@@ -73,10 +73,10 @@ def _write_scene(job: tuple[Path, str, int, int]) -> None:
         return
     for name, (image, labels) in zip(names, views_of(seed, views), strict=True):
         _, png = cv2.imencode(".png", image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
-        write_whole(folder / "images" / split / f"{name}.png", png.tobytes())
+        keep_file(folder / "images" / split / f"{name}.png", png.tobytes())
         height, width = image.shape[:2]
         lines = (_line(label, width, height) for label in labels)
-        write_whole(folder / "labels" / split / f"{name}.txt", "".join(lines).encode())
+        keep_file(folder / "labels" / split / f"{name}.txt", "".join(lines).encode())
 
 
 def views_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], list[Label]]]:

@@ -1,4 +1,4 @@
-"""Writes files atomically, complete or not at all."""
+"""Files that a training run keeps."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -8,6 +8,7 @@ import msgspec
 
 from services.training import parallel
 from services.training.parallel import Progress
+from services.whole_file import write_whole
 
 
 class TrainingError(Exception):
@@ -19,16 +20,14 @@ def first_line(error: Exception) -> str:
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
-def write_whole(file: Path, content: bytes) -> None:
-    """Write a file.
+def keep_file(file: Path, content: bytes) -> None:
+    """Write a file of a run.
 
     Raises:
         TrainingError: it cannot be written; the message names it.
     """
-    partial = file.with_suffix(".part")
     try:
-        partial.write_bytes(content)
-        partial.replace(file)
+        write_whole(file, content)
     except OSError as error:
         raise TrainingError(f"{file}: {error.strerror or error}") from error
 
@@ -59,7 +58,7 @@ def kept(
 
 def _write(job: _Job) -> None:
     file, seed, make = job
-    write_whole(file, msgspec.msgpack.encode(make(seed)))
+    keep_file(file, msgspec.msgpack.encode(make(seed)))
 
 
 def _read(file: Path, kind: type[Made]) -> Made:

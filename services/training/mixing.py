@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-from services.training.files import TrainingError, write_whole
+from services.training.files import TrainingError, keep_file
 from services.training.partial_labels import CODE_NAMES, LabelKind
 from services.training.photographs import Photograph
 
@@ -33,10 +33,10 @@ def write_mix(folder: Path, photographs: Sequence[Photograph], rendered: Sequenc
     repeats = min(max(1, -(-len(rendered) // max(1, len(copies)))), MOST_REPEATS)
     empty = [copy for copy, each in zip(copies, photographs, strict=True) if each.empty]
     listed = "".join(f"{path.resolve()}\n" for path in [*(copies + empty * (EMPTY_REPEATS - 1)) * repeats, *rendered])
-    write_whole(folder / "train.txt", listed.encode())
+    keep_file(folder / "train.txt", listed.encode())
     names = "".join(f"  {code}: {name}\n" for code, name in enumerate(CODE_NAMES))
     description = folder / "mix.yaml"
-    write_whole(description, f"path: {folder.resolve()}\ntrain: train.txt\nval: train.txt\nnames:\n{names}".encode())
+    keep_file(description, f"path: {folder.resolve()}\ntrain: train.txt\nval: train.txt\nnames:\n{names}".encode())
     return description
 
 
@@ -47,8 +47,8 @@ def _copied(folder: Path, number: int, photograph: Photograph) -> Path:
         content = photograph.file.read_bytes()
     except OSError as error:
         raise TrainingError(f"{photograph.file}: {error.strerror or error}") from error
-    write_whole(copy, content)
-    write_whole(folder / "labels" / f"{name}.txt", "".join(_lines(photograph)).encode())
+    keep_file(copy, content)
+    keep_file(folder / "labels" / f"{name}.txt", "".join(_lines(photograph)).encode())
     return copy
 
 

@@ -15,6 +15,7 @@ from schemas import worker_keys
 from schemas.errors import SchemaError
 from schemas.status import WorkerStatus
 from schemas.worker_keys import Serves, WorkerAlive, WorldStream, parse_worker_alive, world_key
+from services.whole_file import write_whole
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import Site, site_key
 
@@ -157,10 +158,7 @@ def _read(file: Path) -> bytes:
 
 def _write(file: Path, state: bytes) -> None:
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        partial = file.with_suffix(".part")
-        partial.write_bytes(state)
-        partial.replace(file)
+        write_whole(file, state)
     except OSError as error:
         log.warning("%s: not written: %s", file, error.strerror)
 

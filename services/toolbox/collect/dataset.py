@@ -1,7 +1,6 @@
 """A data-set folder that grows: pictures, labels, names of classes, and where each picture is from."""
 
 import json
-import os
 from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ from schemas.detections import Detections
 from schemas.keys import CameraKey
 from schemas.printing import printable
 from services.toolbox.collect.pictures import Picture, labels
+from services.whole_file import write_whole
 
 SPLITS: Final = ("train", "val", "test")
 RECORD: Final = "collected.jsonl"
@@ -75,7 +75,7 @@ class Dataset:
         header = picture.frame.header
         source = f"{header.robot}-{header.camera}".replace("_", "-")
         file = self.folder / split / "images" / f"{source}_{header.stamp_ns}.jpg"
-        _write_whole(file, picture.file)
+        write_whole(file, picture.file)
         about: dict[str, Any] = {
             "file": str(file.relative_to(self.folder)),
             "robot": header.robot,
@@ -91,7 +91,7 @@ class Dataset:
         if found is not None:
             self._learn(each.name for each in found.objects if each.name not in hidden)
             codes = {name: code for code, name in enumerate(self.names) if name not in hidden}
-            _write_whole(_labels_of(file), "".join(labels(found, codes)).encode())
+            write_whole(_labels_of(file), "".join(labels(found, codes)).encode())
             about |= {"drafts_by": found.model, "worker": found.worker}
         with (self.folder / RECORD).open("a", encoding="utf-8") as record:
             record.write(json.dumps(about) + "\n")
@@ -107,7 +107,7 @@ class Dataset:
     def _write_names(self) -> None:
         folders = {split: f"{split}/images" for split in SPLITS}
         content = {"path": str(self.folder.resolve()), **folders, "names": dict(enumerate(self.names))}
-        _write_whole(self.folder / NAMES, yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode())
+        write_whole(self.folder / NAMES, yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode())
 
     def _read_record(self) -> None:
         record = self.folder / RECORD
@@ -142,11 +142,3 @@ def _names_in(file: Path) -> list[str]:
 
 def _labels_of(image: Path) -> Path:
     return image.parents[1] / "labels" / f"{image.stem}.txt"
-
-
-def _write_whole(file: Path, content: bytes) -> None:
-    """Write a file so that nobody ever reads a part of it."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_name(f".{file.name}.{os.getpid()}")
-    partial.write_bytes(content)
-    partial.replace(file)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.training.files import TrainingError, first_line, write_whole
+from services.training.files import TrainingError, first_line, keep_file
 from services.training.fitting import device_name
 from services.training.parallel import Progress
 from services.training.refining.replicas import PARTS, Replicas
@@ -68,7 +68,7 @@ def _keep(state: dict[str, Any], checkpoint: Path) -> None:
 
     content = io.BytesIO()
     torch.save(state, content)
-    write_whole(checkpoint, content.getvalue())
+    keep_file(checkpoint, content.getvalue())
 
 
 def kept_state(checkpoint: Path) -> dict[str, Any] | None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from services.simulator.world import CLASSES, SeenObject
 from services.training import parallel
 from services.training.dataset import MIN_AREA, VIEWS, pictures_of, training_seed
-from services.training.files import write_whole
+from services.training.files import keep_file
 from services.training.parallel import Progress
 from services.training.refining.refinement import Looks, Refinement
 
@@ -103,7 +103,7 @@ def _write(job: _Job) -> None:
     found = [part for part in parts if len(part)]  # parts without objects may have another shape
     content = io.BytesIO()
     np.save(content, np.concatenate(found) if found else parts[0])
-    write_whole(job.file, content.getvalue())
+    keep_file(job.file, content.getvalue())
 
 
 def matched(looks: Looks, truths: Sequence[SeenObject], stretched: Callable[[Bytes], Bytes]) -> Records:
