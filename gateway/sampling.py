@@ -97,16 +97,20 @@ class Sampler:
                 if not told.done():
                     self._waited_for.add(sampled)
                     self._group.create_task(self._changed())  # in a task of its own, since it may cancel this one
-                self._encodings[sampled] = await told
+                self._learn(sampled, await told)  # at once: to unsubscribe may take longer than the topic stands
         except Ros1Error as error:
             log.debug("%s: not sampled: %s", name, error)
-            self._encodings[sampled] = UNKNOWN
-        if is_cloud and self._encodings[sampled] == UNKNOWN:
-            log.info("%s: its points are not an image, so its camera gets no colour stream from them", name)
+            self._learn(sampled, UNKNOWN)
         self._listening.pop(sampled, None)
         self._waited_for.discard(sampled)
         self._doubted.discard(sampled)
         await self._changed()
+
+    def _learn(self, sampled: _Sampled, encoding: str) -> None:
+        self._encodings[sampled] = encoding
+        name, kind = sampled
+        if kind in CLOUDS and encoding == UNKNOWN:
+            log.info("%s: its points are not an image, so its camera gets no colour stream from them", name)
 
 
 def _sampled(topic: Topic) -> _Sampled:
