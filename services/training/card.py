@@ -15,6 +15,7 @@ from pydantic import BaseModel
 
 from services.simulator.world import CLASSES
 from services.training.checkpoints import ARCHITECTURE
+from services.training.collages import PLAIN_SHARE
 from services.training.evaluation.class_lists import REQUIRED_AREA, VISIBLE_AREA, ListFigures
 from services.training.evaluation.near_objects import MATCHING_IOU, NEAR_AREA, NEAR_METRES, NearFigures
 from services.training.evaluation.photographs import PhotographScore
@@ -123,7 +124,8 @@ _MIXED: Final = """\
 - {data_epochs} epochs of these together with photographs, in about equal parts, varied in colour, size and place;
   classes that a source does not label count neither for nor against a prediction, and where boxes alone are known
   masks do not count. The learning rate began at {data_rate:g}; photographs without any of the classes were shown
-  {empty_repeats} times as often as others.
+  {empty_repeats} times as often as others. Among them are {collages} pictures made of the photographs: their objects
+  (cut out by GrabCut where boxes alone are known) on photographs without any, and {plain} plain, empty ones.
 """
 
 _AVERAGED: Final = """\
@@ -191,7 +193,9 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, ref
         command=_command(settings),
         origin=_origin(settings),
         scratch="" if settings.start else _FROM_SCRATCH.format(**values),
-        mixed=_MIXED.format(empty_repeats=EMPTY_REPEATS, **values) if settings.data else "",
+        mixed=_MIXED.format(empty_repeats=EMPTY_REPEATS, plain=settings.collages // PLAIN_SHARE, **values)
+        if settings.data
+        else "",
         averaged=_AVERAGED.format(**values) if settings.keep else "",
         limits=_SEEN if settings.data else _UNSEEN,
         photographs=_photographs(figures),

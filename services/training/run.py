@@ -1,7 +1,7 @@
 """The whole run: render, train, strip, evaluate, write the card."""
 
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -9,6 +9,7 @@ from typing import Final
 
 from services.training.card import Figures, effort_so_far, metered, model_card
 from services.training.checkpoints import Checkpoint, write_weights
+from services.training.collages import PLAIN_SHARE, make_collages, make_plain
 from services.training.dataset import VIEWS, holdout_seed, rendered, write_dataset
 from services.training.evaluation.class_lists import ListScore
 from services.training.evaluation.near_objects import near_figures
@@ -79,7 +80,7 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
             holdout=settings.holdout,
             workers=settings.workers,
         )
-        mix = write_mix(work_dir / "mix", photographs.training, rendered(dataset)) if settings.data else None
+        mix = _mixed(settings, photographs, rendered(dataset)) if settings.data else None
         checkpoint, unrefined = _averaged(settings, fit(settings, dataset, progress, mix)), work_dir / "unrefined.pt"
         write_weights(checkpoint, unrefined, settings.imgsz)
         refined = refine(settings, unrefined, refinement, progress)
@@ -88,6 +89,14 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
         figures = evaluate(settings, progress, load, photographs, unrefined if refined.kept else None)
     card = model_card(settings, figures, effort_so_far(record), refined.objects)
     settings.output.with_suffix(".md").write_text(card)
+
+
+def _mixed(settings: TrainingSettings, photographs: PhotographData, rendered_pictures: Sequence[Path]) -> Path:
+    """Write the last stage's data set: photographs, what is made of them, and rendered pictures."""
+    folder = settings.work_dir / "made"
+    collages = make_collages(folder, photographs.training, settings.collages, settings.seed)
+    plain = make_plain(folder, settings.collages // PLAIN_SHARE, settings.seed)
+    return write_mix(settings.work_dir / "mix", [*photographs.training, *collages, *plain], rendered_pictures)
 
 
 def _averaged(settings: TrainingSettings, checkpoint: Path) -> Path:

@@ -18,6 +18,7 @@ DECISIVE: Final = {
     "imgsz",
     "batch",
     "data",
+    "collages",
     "data_epochs",
     "data_rate",
     "keep",
@@ -66,6 +67,12 @@ class TrainingSettings(BaseModel):
     )
     data_epochs: PositiveInt = Field(
         default=12, description="passes over photographs and rendered pictures together, the last stage"
+    )
+    collages: int = Field(
+        default=300,
+        ge=0,
+        description="pictures made for that stage: objects of the photographs on photographs without any, and an eighth"
+        " as many empty plain pictures",
     )
     data_rate: float = Field(
         default=4e-4, gt=0, le=0.1, description="learning rate that this stage begins with; it falls to a fiftieth"

@@ -31,6 +31,7 @@ def photographs(folder: Path) -> Path:
 
 def settings_for(folder: Path, **more: object) -> TrainingSettings:
     sizes = {"images": 2, "holdout": 1, "refiner_images": 0, "imgsz": 64, "batch": 4, "workers": 1, "data_epochs": 2}
+    sizes["collages"] = 8
     paths = {"output": folder / "out" / "site-seg.pt", "work_dir": folder / "work"}
     return TrainingSettings.model_validate({"seed": 4, "device": "cpu", **sizes, **paths, **more})
 
@@ -71,9 +72,12 @@ def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_p
 
     card = settings.output.with_suffix(".md").read_text()
     assert "from warehouse-n-seg.pt on rendered pictures of simulated warehouses and on photographs" in card
-    assert "--data data --data-epochs 2 --data-rate 0.001 --from warehouse-n-seg.pt --keep 0.5" in card
+    assert "--data data --data-epochs 2 --collages 8 --data-rate 0.001 --from warehouse-n-seg.pt --keep 0.5" in card
     assert "with a share of 0.50, of those that the run began with" in card
     assert "- `rendered`: AGPL-3.0: made here" in card
+    assert "Among them are 8 pictures made of the photographs" in card
+    assert "and 1 plain, empty ones" in card
+    assert max(file.name for file in (settings.work_dir / "made").iterdir()) == "plain_00000.jpg"
     assert f"| rendered | {PICTURES} | box |" in card
     assert f"| rendered | {PICTURES} | pallet |" not in card
     assert str(tmp_path) not in card
