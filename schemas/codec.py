@@ -15,7 +15,7 @@ from schemas.distances import CameraView, Distances
 from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
-from schemas.inventory import InventoryAnswer, InventoryRequest
+from schemas.inventory import InventoryAnswer, InventoryRequest, WarehouseReport
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.ros import RawMessage, ServiceRequest, ServiceResponse, Text
@@ -53,6 +53,7 @@ Message = (
     | FloorLooks
     | WorldRequest
     | WorldAnswer
+    | WarehouseReport
 )
 M = TypeVar("M", bound=Message)
 
@@ -87,6 +88,7 @@ MAX_BYTES: Final[dict[type, int]] = {
     FloorLooks: 4 * KIB * KIB,
     WorldRequest: 64 * KIB,
     WorldAnswer: 16 * KIB * KIB,
+    WarehouseReport: 1024 * KIB,
 }
 """Maximum payload size per message type, checked before a byte of it is read."""
 

@@ -1,9 +1,14 @@
-"""The inventory: the monitor's answer to queries about the whole fleet."""
+"""The inventory: what the monitor answers to queries about the whole fleet, and what it reports to a centre.
+
+A centre is a monitor above several warehouses. A warehouse has one monitor (or two beside a PostgreSQL), and as many
+sites, maps of their own, as it has halls or floors.
+"""
 
 from typing import Annotated, Final
 
 import msgspec
 
+from schemas.alerts import MAX_TEXT, Alert
 from schemas.header import Count, Label, MaybeName, Name, Nanoseconds
 from schemas.space import Distance
 from schemas.status import Drops
@@ -63,4 +68,46 @@ class InventoryAnswer(msgspec.Struct, frozen=True, kw_only=True):
     complete: bool = True
     class_lists: Count = 0
     left_out: Drops = {}
+    problems: Annotated[list[Label], msgspec.Meta(max_length=MAX_PROBLEMS)] = []
+
+
+MAX_REPORTED_SITES: Final = 64
+MAX_CLASSES: Final = 256
+MAX_REPORTED_ALERTS: Final = 100
+
+Totals = Annotated[dict[Label, Count], msgspec.Meta(max_length=MAX_CLASSES)]
+"""How many objects there are, by class."""
+
+
+class SiteTotals(msgspec.Struct, frozen=True, kw_only=True):
+    """The objects of one site, each once. current: a world model says so now, and the monitor has all of it."""
+
+    site: Name
+    current: bool
+    objects: Totals
+
+
+class WarehouseReport(msgspec.Struct, frozen=True, kw_only=True):
+    """A warehouse as its monitor has it, every two seconds.
+
+    version: of the monitor's software. sent_ns: since the epoch on its system clock. page: the address of its own page,
+    empty where it does not know it (`--web-url`). robots, cameras: known ones; workers: those that report now.
+    in_view: objects that cameras have in view, by class; one that several cameras see counts several times.
+    alerts: how many are not resolved, by severity. open: these alerts, the most severe and then the newest first, as
+    far as they fit. problems: in words, what keeps the monitor from doing all that it should.
+    """
+
+    warehouse: Name
+    version: Label
+    sent_ns: Nanoseconds
+    page: Annotated[str, msgspec.Meta(max_length=MAX_TEXT)] = ""
+    robots: Count
+    robots_online: Count
+    cameras: Count
+    cameras_online: Count
+    workers: Count
+    in_view: Totals
+    sites: Annotated[list[SiteTotals], msgspec.Meta(max_length=MAX_REPORTED_SITES)] = []
+    alerts: Annotated[dict[MaybeName, Count], msgspec.Meta(max_length=MAX_PROBLEMS)] = {}
+    open: Annotated[list[Alert], msgspec.Meta(max_length=MAX_REPORTED_ALERTS)] = []
     problems: Annotated[list[Label], msgspec.Meta(max_length=MAX_PROBLEMS)] = []

@@ -1,5 +1,7 @@
 """Keys of services and their workers: `workers/{service}/{worker}/...`, and of sites: `world/{site}/...`.
 
+What a centre is told of a warehouse is below `warehouses/{warehouse}/...`.
+
 `schemas.keys` has those of robots.
 """
 
@@ -77,6 +79,56 @@ def parse_world(key: str) -> tuple[str, WorldStream]:
             check_name("site", site)
             return site, WorldStream(stream)
     raise SchemaError(f"not a site's key: {key[:200]!r}")
+
+
+EVERY_WAREHOUSE_REPORT: Final = "warehouses/*/report"
+
+
+def warehouse_report(warehouse: str) -> str:
+    """Return the key of a warehouse's WarehouseReport."""
+    check_name("warehouse", warehouse)
+    return f"warehouses/{warehouse}/report"
+
+
+def warehouse_objects(warehouse: str, site: str) -> str:
+    """Return the key under which a warehouse's monitor answers a WorldRequest about one of its sites.
+
+    The answer is a WorldAnswer, as its world model gives it.
+    """
+    check_name("warehouse", warehouse)
+    check_name("site", site)
+    return f"warehouses/{warehouse}/world/{site}/objects"
+
+
+def every_warehouse_objects(warehouse: str) -> str:
+    """Return the key expression of these requests about any site of a warehouse."""
+    check_name("warehouse", warehouse)
+    return f"warehouses/{warehouse}/world/*/objects"
+
+
+def parse_warehouse_report(key: str) -> str:
+    """Return the warehouse of a report's key.
+
+    Raises:
+        SchemaError: the key is none.
+    """
+    match key.split("/"):
+        case ["warehouses", warehouse, "report"]:
+            check_name("warehouse", warehouse)
+            return warehouse
+    raise SchemaError(f"not the key of a warehouse's report: {key[:200]!r}")
+
+
+def parse_warehouse_objects(key: str) -> tuple[str, str]:
+    """Return the warehouse and the site of the key of a request for objects.
+
+    Raises:
+        SchemaError: the key is none.
+    """
+    match key.split("/"):
+        case ["warehouses", warehouse, "world", site, "objects"] if warehouse_objects(warehouse, site) == key:
+            return warehouse, site
+    raise SchemaError(f"not the key of a site's objects: {key[:200]!r}")
 
 
 def infer(worker: str) -> str:

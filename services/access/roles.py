@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
-ALL: Final = ("fleet/**", "workers/**", "services/**", "world/**")
+ALL: Final = ("fleet/**", "workers/**", "services/**", "world/**", "warehouses/**")
 PRESENCE: Final = ("fleet/**", "workers/**")
 WANTED: Final = ("fleet/*/**/wanted/*/*",)
 
@@ -22,6 +22,7 @@ class Role(StrEnum):
     MONITOR = "monitor"
     OPERATOR = "operator"
     OBSERVER = "observer"
+    WAREHOUSE = "warehouse"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +76,24 @@ def of_role(role: Role, name: str) -> Permissions:
             return _worker(name, services=("distance", "cloud"), results=("distances", "view", "objects", "budget"))
         case Role.WORLDMODEL:
             return _worker(name, services=("worldmodel",), results=(), more=("world/**", "fleet/*/nearby"))
-        case Role.MONITOR:
-            sends = ("fleet/*/alerts", "fleet/*/actions", "services/monitor/**")
-            return Permissions(sends=sends, asks=ALL, hears=ALL, shows=WANTED, watches=PRESENCE)
-        case Role.OPERATOR:
-            return Permissions(asks=ALL, hears=ALL, shows=WANTED, watches=PRESENCE)
-        case Role.OBSERVER:
-            return Permissions(hears=("fleet/*/*/classes",), watches=("fleet/*/*/classes/alive",), learns=())
+        case Role.WAREHOUSE:
+            return Permissions(sends=(f"warehouses/{name}/**",), learns=("warehouses/**",))
+        case _:
+            return OF_ALL[role]
+
+
+OF_ALL: Final = {
+    Role.MONITOR: Permissions(
+        sends=("fleet/*/alerts", "fleet/*/actions", "services/monitor/**"),
+        asks=ALL,
+        hears=ALL,
+        shows=WANTED,
+        watches=PRESENCE,
+    ),
+    Role.OPERATOR: Permissions(asks=ALL, hears=ALL, shows=WANTED, watches=PRESENCE),
+    Role.OBSERVER: Permissions(hears=("fleet/*/*/classes",), watches=("fleet/*/*/classes/alive",), learns=()),
+}
+"""Permissions that are the same whatever the certificate's name."""
 
 
 def _worker(

@@ -19,6 +19,7 @@ from services.monitor.liveness import STALE_S, CameraLiveness, camera_state, is_
 from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.sites import Sites
 from services.monitor.robot_clocks import MAX_LAG_NS, Clocks
+from services.monitor.warehouses.reports import Warehouses
 from services.monitor.world.site_objects import World
 
 RATE_WINDOW_S: Final = 5.0
@@ -138,6 +139,7 @@ class Fleet:
         self.places = SightingMap()
         self.sites = Sites()
         self.world = World()
+        self.warehouses = Warehouses()
         self._cameras: dict[CameraKey, _Camera] = {}
         self.gateways: dict[str, GatewayStatus] = {}
         self.workers: dict[tuple[str, str], WorkerStatus] = {}

@@ -25,6 +25,7 @@ from services.monitor.rules.loading import remarks
 from services.monitor.rules.model import RuleBook, WorldRule
 from services.monitor.settings import MonitorSettings
 from services.monitor.snapshot import FleetView, Snapshot, SnapshotMaker, Workers, known_until_ns
+from services.monitor.warehouses.centre_link import CentreLink
 from services.monitor.world.conditions import remarks_on_zones
 
 log = logging.getLogger(__name__)
@@ -62,6 +63,8 @@ class RobotThereError(Exception):
 class Monitor:
     """Everything in a running monitor. floor_plan: the map's background. started_ns: its start, epoch.
 
+    centre: its link to the monitor above it, if it has one.
+
     What is made of the whole fleet (`snapshot`, `inventory`) is made at most every MAX_AGE_S for all callers.
     """
 
@@ -74,6 +77,7 @@ class Monitor:
     archive: Archive
     health: Health
     floor_plan: FloorPlan | None = None
+    centre: CentreLink = field(default_factory=CentreLink)
     started_ns: int = field(default_factory=time.time_ns)
     _workers: tuple[float, Workers] | None = field(default=None, init=False, repr=False)
     _remarks: tuple[float, RuleBook, list[str]] | None = field(default=None, init=False, repr=False)
@@ -171,8 +175,8 @@ class Monitor:
         status = self.history.status
         not_kept = status.problem and f"history is not being kept: {status.problem}"
         found = (not_kept, *status.warnings, self.rules.problem, self.bus.links.problem, self.open_to_all)
-        own = [*(problem for problem in found if problem), *self.fleet.world.problems()]
-        return [*own, *self.alerting.problems()]
+        own = [*(problem for problem in (*found, self.centre.problem) if problem), *self.fleet.world.problems()]
+        return [*own, *self.fleet.warehouses.problems(time.time_ns()), *self.alerting.problems()]
 
     def rule_remarks(self) -> list[str]:
         """Return remarks about classes and robots in the rules that do not exist, or did not recently."""

@@ -14,6 +14,7 @@ from schemas import codec, keys, worker_keys
 from schemas.detections import KEPT_LISTS, ClassList
 from schemas.distances import Distances
 from schemas.errors import SchemaError
+from schemas.inventory import WarehouseReport
 from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from schemas.world import SiteStatus
@@ -36,6 +37,7 @@ from services.monitor.monitor import Monitor
 from services.monitor.requests import answer_inventory, measure_clocks
 from services.monitor.robot_clocks import Arrival, ClockHoldback
 from services.monitor.settings import MonitorSettings
+from services.monitor.warehouses.reporting import report_to_centre
 from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.process import Web
 from services.monitor.world.conditions import WorldConditions
@@ -134,6 +136,8 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
             group.create_task(watch_fleet(bus, fleet, told, alerting.measured, monitor.problems)),
             group.create_task(health.run()),
         ]
+        if settings.centre:
+            tasks.append(group.create_task(report_to_centre(monitor.centre, monitor)))
         try:
             yield monitor
         finally:
@@ -168,6 +172,7 @@ async def watch_fleet(
         keys.every_stream(Stream.DISTANCES): lambda sample: measured(_distances(fleet, sample)),
         keys.EVERY_GATEWAY_STATUS: lambda sample: _gateway_status(fleet, sample),
         worker_keys.EVERY_WORKER_STATUS: lambda sample: _worker_status(fleet, sample),
+        worker_keys.EVERY_WAREHOUSE_REPORT: lambda sample: _warehouse_report(fleet, sample),
     }
     if fleet.world.on:
         streams[worker_keys.EVERY_WORLD_STATUS] = lambda sample: _site_status(fleet, sample)
@@ -294,6 +299,13 @@ def _site_status(fleet: Fleet, sample: Sample) -> None:
         raise SchemaError(f"status of site {status.site}")
     fleet.sites.take(status, sample.received_ns)
     fleet.world.hear(status)
+
+
+def _warehouse_report(fleet: Fleet, sample: Sample) -> None:
+    report = codec.decode(WarehouseReport, sample.payload, sample.encoding)
+    if report.warehouse != worker_keys.parse_warehouse_report(sample.key):
+        raise SchemaError(f"report of warehouse {report.warehouse}")
+    fleet.warehouses.take(report, sample.received_ns)
 
 
 def _robot(fleet: Fleet, key: str, *, alive: bool) -> None:

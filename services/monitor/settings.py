@@ -8,6 +8,8 @@ from pydantic import AfterValidator, BaseModel, Field, HttpUrl, ValidationInfo, 
 
 from bus.session.links import host_of, is_unspecified
 from bus.settings import BusSettings, Endpoint, port_of
+from schemas.errors import SchemaError
+from schemas.keys import check_name
 from services.monitor.history.settings import HistorySettings, HistoryUrl, Moment, default_url
 from services.monitor.inventory.inventory import TrustLimits
 from services.monitor.inventory.sighting import NS, Debounce
@@ -150,8 +152,50 @@ class FollowedWorldSettings(BaseModel):
         return self
 
 
+class CentreSettings(BaseModel):
+    """Settings of a warehouse's monitor that reports to a centre, a monitor above several warehouses."""
+
+    heading: ClassVar = "several warehouses"
+
+    centre: list[Endpoint] = Field(
+        default=[],
+        max_length=16,
+        description="Zenoh endpoints of the centre, a monitor above several warehouses: it is told this one's totals,"
+        " alerts and objects, and nothing else; the first that answers is used",
+    )
+    warehouse: str = Field(default="", description="name of this warehouse at the centre")
+    centre_tls: Path | None = Field(
+        default=None,
+        description="certificate for the centre: pki/berlin means pki/ca.pem, pki/berlin.pem and pki/berlin.key; by"
+        " default that of --tls",
+    )
+
+    @field_validator("warehouse")
+    @classmethod
+    def _can_be_part_of_a_key(cls, name: str) -> str:
+        try:
+            if name:
+                check_name("warehouse", name)
+        except SchemaError as error:
+            raise ValueError(str(error)) from error
+        return name
+
+    @model_validator(mode="after")
+    def _is_known_by_a_name_there(self) -> Self:
+        if bool(self.centre) != bool(self.warehouse):
+            missing = "warehouse" if self.centre else "centre"
+            raise ValueError(f"{missing}: --centre and --warehouse go together; give both")
+        return self
+
+
 class MonitorSettings(
-    WebSettings, AlertingSettings, FollowedWorldSettings, InventorySettings, HistorySettings, BusSettings
+    WebSettings,
+    AlertingSettings,
+    FollowedWorldSettings,
+    CentreSettings,
+    InventorySettings,
+    HistorySettings,
+    BusSettings,
 ):
     """Show the objects seen by every robot of the fleet. It includes the fleet's Zenoh router by default."""
 
@@ -168,6 +212,20 @@ class MonitorSettings(
         Field(description="endpoint to show to others for connecting, if not an address of this machine"),
     ] = None
     refresh_s: Annotated[float, Field(ge=0.1, le=60, description="seconds between updates of the table")] = 0.5
+
+    def centre_bus(self) -> BusSettings:
+        """Return the settings of the session with the centre: as a client, with this monitor's own certificate."""
+        own = {"tls_ca": self.tls_ca, "tls_certificate": self.tls_certificate, "tls_key": self.tls_key}
+        given = {"tls": self.centre_tls} if self.centre_tls is not None else own
+        return BusSettings.model_validate(
+            {"mode": "client", "connect": self.centre, "shared_memory": False, "lease_s": self.lease_s, **given}
+        )
+
+    @model_validator(mode="after")
+    def _centre_can_be_reached(self) -> Self:
+        if self.centre:
+            self.centre_bus()
+        return self
 
     @field_validator("advertise")
     @classmethod

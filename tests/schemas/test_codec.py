@@ -10,7 +10,7 @@ from schemas.codec import Message
 from schemas.detections import Box, ClassCount, ClassList, Detection, Detections, Mask
 from schemas.errors import SchemaError
 from schemas.image import ImageFrame
-from schemas.inventory import ClassSighting, InventoryAnswer, InventoryRequest
+from schemas.inventory import ClassSighting, InventoryAnswer, InventoryRequest, SiteTotals, WarehouseReport
 from schemas.keys import CameraKey, RobotStreamKey
 from schemas.points import PointCloud, PointField
 from schemas.ros import RawMessage, ServiceRequest, ServiceResponse, Text
@@ -79,6 +79,21 @@ MESSAGES: list[Message] = [
             )
         ],
         complete=False,
+    ),
+    WarehouseReport(
+        warehouse="berlin",
+        version="1",
+        sent_ns=3,
+        page="https://berlin.example",
+        robots=3,
+        robots_online=2,
+        cameras=6,
+        cameras_online=4,
+        workers=5,
+        in_view={"box": 9},
+        sites=[SiteTotals(site="hall-2", current=True, objects={"box": 4})],
+        alerts={"info": 2},
+        problems=["the history is not being kept"],
     ),
     image(),
     compressed(file_of(np.zeros((4, 6), np.uint16), ".png"), "32FC1", 24, inverse_depth=(1.5, -2.0)),

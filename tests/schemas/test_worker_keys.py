@@ -70,3 +70,19 @@ def test_what_a_worker_is_asked_under() -> None:
         worker_keys.infer("a/b")
     with pytest.raises(SchemaError, match="worker name"):
         worker_keys.worker_settings("detector", "a/b")
+
+
+@given(names, names)
+def test_keys_of_a_warehouse_parse_back(warehouse: str, site: str) -> None:
+    assert worker_keys.parse_warehouse_report(worker_keys.warehouse_report(warehouse)) == warehouse
+    assert worker_keys.parse_warehouse_objects(worker_keys.warehouse_objects(warehouse, site)) == (warehouse, site)
+    assert worker_keys.every_warehouse_objects("berlin") == "warehouses/berlin/world/*/objects"
+
+
+@pytest.mark.parametrize(
+    "key", ["warehouses/berlin", "warehouses/*/report", "warehouses/a/world/*/objects", "warehouses/a/objects", ""]
+)
+def test_other_keys_are_no_warehouses(key: str) -> None:
+    for parse in (worker_keys.parse_warehouse_report, worker_keys.parse_warehouse_objects):
+        with pytest.raises(SchemaError):
+            parse(key)

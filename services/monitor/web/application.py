@@ -25,6 +25,7 @@ from services.monitor.web.api.live import live_routes
 from services.monitor.web.api.models import ErrorAnswer
 from services.monitor.web.api.objects import object_routes
 from services.monitor.web.api.paging import refuse_unknown
+from services.monitor.web.api.warehouses import warehouse_routes
 from services.monitor.web.auth.gate import ServedAt
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.middleware import AccessMiddleware, problem
@@ -104,6 +105,7 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
         alert_routes(monitor),
         history_routes(monitor),
         object_routes(monitor),
+        warehouse_routes(monitor),
         live_routes(monitor),
     ):
         api.include_router(routes)

@@ -76,6 +76,7 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     yield GaugeMetricFamily("fleetsight_rules", "Rules in force.", len(monitor.rules.book.rules))
     yield GaugeMetricFamily("fleetsight_rules_ok", "1 while the rule file is in force.", not monitor.rules.problem)
     yield from _of_sites(monitor)
+    yield from _of_warehouses(monitor)
     left_out = CounterMetricFamily("fleetsight_messages_left_out", "Messages left out.", labels=["reason"])
     for reason, count in sorted(monitor.fleet.left_out.items())[:MAX_REASONS]:
         left_out.add_metric([reason], count)
@@ -113,6 +114,26 @@ def _of_sites(monitor: Monitor) -> Iterator[Metric]:
         for name, count in sorted(status.objects.items())[:MAX_REASONS]:
             objects.add_metric([status.site, name], count)
     yield from (objects, doubted, zones)
+
+
+def _of_warehouses(monitor: Monitor) -> Iterator[Metric]:
+    """Yield what the warehouses under this centre report; nothing where none does."""
+    name, now_ns = ["warehouse"], time.time_ns()
+    up = GaugeMetricFamily("fleetsight_warehouse_up", "1 while the warehouse reports.", labels=name)
+    robots = GaugeMetricFamily("fleetsight_warehouse_robots", "Robots known there.", labels=name)
+    online = GaugeMetricFamily("fleetsight_warehouse_robots_online", "Robots online there.", labels=name)
+    objects = GaugeMetricFamily("fleetsight_warehouse_objects", "Objects there, each once.", labels=[*name, "class"])
+    alerts = GaugeMetricFamily("fleetsight_warehouse_alerts", "Open alerts there.", labels=[*name, "severity"])
+    for known in monitor.fleet.warehouses.every():
+        up.add_metric([known.name], known.is_current(now_ns))
+        if known.is_current(now_ns):
+            robots.add_metric([known.name], known.report.robots)
+            online.add_metric([known.name], known.report.robots_online)
+            for of, count in sorted(known.objects.items())[:MAX_REASONS]:
+                objects.add_metric([known.name, of], count)
+            for severity in Severity:
+                alerts.add_metric([known.name, severity], known.report.alerts.get(severity, 0))
+    yield from (up, robots, online, objects, alerts)
 
 
 def _of_robots(robots: tuple[RobotLine, ...]) -> Iterator[Metric]:

@@ -14,6 +14,7 @@ from services.monitor.web.auth.routes import link_needed, log_in_form, notice, s
 from tests.integration.page.browser import PATIENCE_MS, Scheme, Size, looking, open_browser
 from tests.integration.page.sights import robot_on
 from tests.integration.page.warehouse import Robot, Warehouse, warehouse
+from tests.services.monitor.web.pages.rows.test_warehouses import report_of
 from tests.services.monitor.web.serving import Served, served
 from tests.services.monitor.world.test_site_objects import tell_of, thing
 
@@ -38,6 +39,8 @@ PAGES: Final = {
     "/in-view": "[data-sighting='r2/front/pallet']",
     "/alerts": "[data-alert]:has-text('r2')",
     "/health": "[data-gateway=r2]",
+    "/warehouses": "[data-warehouse=berlin]",
+    "/warehouses/berlin?site=hall-2": ".fs-facts",
     "/map": ".fs-map .robot.live",
     "/cameras/r1/front": ".fs-picture:not(.fs-old)",
     "/cameras/r3/front": "text=r3 is offline",
@@ -79,6 +82,7 @@ async def site(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Site]:
         fleet.serve(robots[:1])
         forklifts = [thing(f"f{number}", number, name="forklift") for number in range(12)]
         tell_of(fleet.monitor.fleet, thing("a", 1), *forklifts)
+        report_of(fleet.monitor.fleet, "berlin")
         async with looking(browser, at, folder) as looker:
             page = await looker.go("/")
             await expect(page.locator("[data-robot=r3]")).to_contain_text("1box")

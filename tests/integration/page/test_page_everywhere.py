@@ -15,6 +15,7 @@ from tests.integration.page.browser import PATIENCE_MS, SIZES, Size, looking, op
 from tests.integration.page.in_sight import out_of_sight
 from tests.integration.page.touching import too_small_to_touch
 from tests.integration.page.warehouse import Robot, Warehouse, warehouse
+from tests.services.monitor.web.pages.rows.test_warehouses import report_of
 from tests.services.monitor.web.serving import Served, served
 from tests.services.monitor.world.test_site_objects import tell_of, thing
 
@@ -36,6 +37,8 @@ PAGES = {
     "/in-view": "[data-sighting='r1/front/box']",
     "/alerts": f"[data-alert]:has-text('{LONG}')",
     "/health": "[data-worker='detector/gpu-1']",
+    "/warehouses": f"[data-warehouse={LONG}]",
+    f"/warehouses/{LONG}": ".fs-facts",
     "/map": ".fs-map .things a",
     "/cameras/r1/front": ".fs-row:has-text('box')",
     "/objects/r1/front": "text=No cloud runs",
@@ -48,6 +51,7 @@ EMPTY = {
     "/in-view": ("Nothing has been seen yet", "fleetsight detector --connect"),
     "/alerts": ("No open alerts", "--rules rules.yaml"),
     "/health": ("No worker has reported yet", "fleetsight"),
+    "/warehouses": ("No warehouse reports here", "fleetsight monitor --warehouse NAME --centre"),
     "/map": ("No position is known yet", "fleetsight distance --connect"),
     "/cameras/r1/front": ("No camera r1/front is known", "fleetsight gateway --robot r1"),
     "/objects/r1/front": ("No camera r1/front is known", "fleetsight gateway --robot r1"),
@@ -87,6 +91,8 @@ async def site(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> As
         fleet.serve([fleet.enter(robot) for robot in robots])
         long = thing("y" * 64, 3, name="a class with a long name " * 3)
         tell_of(fleet.monitor.fleet, thing("a", 1), thing("b", 2, name="pallet"), long)
+        for name in ("berlin", LONG):
+            report_of(fleet.monitor.fleet, name, problems=["z" * 200], page=f"https://{'w' * 200}.example")
         yield Site(fleet, at, browser)
 
 

@@ -27,9 +27,10 @@ roles:
   central2: monitor
   ann: operator
   wall: observer
+  berlin: warehouse
 denied: [r3]
 """
-NAMES: Final = ("central", "r1", "r2", "r3", "gpu1", "rack1", "world1", "central2", "ann", "wall", "stranger")
+NAMES: Final = ("central", "r1", "r2", "r3", "gpu1", "rack1", "world1", "central2", "ann", "wall", "berlin", "stranger")
 
 QUIET_S: Final = 0.25
 """What is let through has arrived by then, on a loopback link."""
@@ -95,7 +96,7 @@ class Seen:
 
 
 ANSWER_S = 3.0
-BOUND = ("r1", "r3", "gpu1", "rack1", "world1", "central2", "ann", "wall", "stranger")
+BOUND = ("r1", "r3", "gpu1", "rack1", "world1", "central2", "ann", "wall", "berlin", "stranger")
 
 
 class Fleet:

@@ -28,6 +28,10 @@ HEARD = [
     ("r1", "**", "fleet/r2/front/color", False),
     ("r1", "workers/**", "workers/detector/gpu1-12-ab/status", False),
     ("r1", "world/**", "world/main/changes", False),
+    ("berlin", "**", "fleet/r2/front/classes", False),
+    ("berlin", "warehouses/**", "warehouses/lyon/report", False),
+    ("r1", "warehouses/**", "warehouses/berlin/report", False),
+    ("central2", "warehouses/*/report", "warehouses/berlin/report", True),
     ("r3", "fleet/r3/**", "fleet/r3/actions", False),
     ("gpu1", "fleet/*/*/color", "fleet/r2/front/color", True),
     ("rack1", "fleet/*/*/depth", "fleet/r2/front/depth", True),
@@ -97,6 +101,9 @@ def test_what_it_gets_of_what_is_kept(fleet: Fleet, name: str, key: str, allowed
 
 
 ASKED = [
+    ("berlin", "fleet/r2/clock", False),
+    ("berlin", "warehouses/lyon/world/main/objects", False),
+    ("central2", "warehouses/berlin/world/main/objects", True),
     ("r1", "fleet/r2/clock", False),
     ("r1", "fleet/*/clock", False),
     ("r1", "services/monitor/inventory", False),

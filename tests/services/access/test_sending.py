@@ -53,6 +53,13 @@ SENT = [
     ("ann", "fleet/r1/front/classes", False),
     ("wall", "fleet/r1/front/classes", False),
     ("wall", "services/monitor/central/pulse", False),
+    ("berlin", "warehouses/berlin/report", True),
+    ("berlin", "warehouses/lyon/report", False),
+    ("berlin", "warehouses/**", False),
+    ("berlin", "fleet/r1/actions", False),
+    ("berlin", "world/main/changes", False),
+    ("r1", "warehouses/berlin/report", False),
+    ("central2", "warehouses/berlin/report", False),
     ("stranger", "fleet/stranger/front/color", False),
 ]
 
@@ -82,6 +89,9 @@ def test_what_it_sends(fleet: Fleet, name: str, key: str, kind: str, allowed: bo
 
 
 ANSWERED = [
+    ("berlin", "warehouses/berlin/world/main/objects", True),
+    ("berlin", "warehouses/lyon/world/main/objects", False),
+    ("berlin", "fleet/r1/clock", False),
     ("r1", "fleet/r1/clock", True),
     ("r1", "fleet/r2/clock", False),
     ("r1", "services/monitor/inventory", False),

@@ -70,7 +70,9 @@ FromQuery = Annotated[ObjectQuery, Depends(asked)]
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class FoundObject:
+    """An object of a site, and whether it is known as of now."""
+
     site: str
     placed: PlacedObject
     current: bool
@@ -78,15 +80,17 @@ class _Found:
 
 async def first_objects(
     fleet: Fleet, wanted: ObjectQuery, most: int, after: tuple[str, str] | None = None
-) -> list[_Found]:
+) -> list[FoundObject]:
     """Return the first objects by site and id, at most so many; after the place where another page ended."""
     return await asyncio.to_thread(_first, fleet.world, fleet.sites, wanted, most, after)
 
 
-def _first(world: World, sites: Sites, wanted: ObjectQuery, most: int, after: tuple[str, str] | None) -> list[_Found]:
+def _first(
+    world: World, sites: Sites, wanted: ObjectQuery, most: int, after: tuple[str, str] | None
+) -> list[FoundObject]:
     """Choose in another thread, as there may be hundred thousands: what is looked at is copied in one step."""
     now_ns = time.time_ns()
-    found: list[_Found] = []
+    found: list[FoundObject] = []
     for name, site in sorted(world.sites.items()):
         if wanted.site not in ("", name) or (after is not None and name < after[0]):
             continue
@@ -94,7 +98,7 @@ def _first(world: World, sites: Sites, wanted: ObjectQuery, most: int, after: tu
         here = (each for each in list(site.objects.values()) if each.of.id > beyond and wanted.filters.fit(each))
         current = not site.is_behind and sites.is_current(name, now_ns)
         first = heapq.nsmallest(most - len(found), here, key=lambda placed: placed.of.id)
-        found += [_Found(name, each, current) for each in first]
+        found += [FoundObject(name, each, current) for each in first]
         if len(found) >= most:
             break
     return found
@@ -148,12 +152,12 @@ def object_routes(monitor: Monitor) -> APIRouter:
             what = f"no site {site[:64]!r}" if known is None else f"no object {object_id[:64]!r} in site {site}"
             raise HTTPException(404, f"{what}; history/events has what became of objects that are gone")
         current = not known.is_behind and fleet.sites.is_current(site, time.time_ns())
-        return object_answer(_Found(site, placed, current))
+        return object_answer(FoundObject(site, placed, current))
 
     return router
 
 
-def object_answer(found: _Found) -> ObjectAnswer:
+def object_answer(found: FoundObject) -> ObjectAnswer:
     """Return an object's model."""
     of = found.placed.of
     xx, _, _, yy, *_ = of.covariance
@@ -183,7 +187,7 @@ def object_answer(found: _Found) -> ObjectAnswer:
     )
 
 
-def object_row(found: _Found) -> Body:
+def object_row(found: FoundObject) -> Body:
     """Return an object as a row of a file. robot, camera: those that saw it last. zones: joined by semicolons."""
     answer = object_answer(found)
     row = {name: rounded(getattr(answer, name, None)) for name in COLUMNS}
@@ -199,7 +203,7 @@ def object_row(found: _Found) -> Body:
     }
 
 
-def _write(found: Sequence[_Found], file: Path, *, bom: bool) -> None:
+def _write(found: Sequence[FoundObject], file: Path, *, bom: bool) -> None:
     rows = map(object_row, found)
     if file.suffix == ".parquet":
         _write_parquet(list(rows), file)

@@ -4,7 +4,7 @@ from datetime import datetime
 
 from pydantic import Field
 
-from services.monitor.web.api.models import Figure, Part
+from services.monitor.web.api.models import AlertAnswer, Figure, Part
 
 
 class RobotOffsetAnswer(Part):
@@ -117,3 +117,37 @@ class StockAnswer(Part):
     since: datetime
     until: datetime
     open: bool
+
+
+class SiteTotalsAnswer(Part):
+    """The objects of one site of a warehouse, each once, by class. current: a world model said so as of its report."""
+
+    site: str
+    current: bool
+    objects: dict[str, int]
+
+
+class WarehouseAnswer(Part):
+    """A warehouse as its monitor reported last. current: it did so in the last ten seconds.
+
+    page: the address of its own page, empty where it told none. objects: of all its sites, each once, by class; those
+    that cameras have in view where no site is looked after. alerts: how many are open, by severity; open_alerts: these,
+    the most severe first, at most 100.
+    """
+
+    warehouse: str
+    current: bool
+    last_report: datetime
+    version: str
+    page: str
+    robots: int
+    robots_online: int
+    cameras: int
+    cameras_online: int
+    workers: int
+    objects: dict[str, int]
+    in_view: dict[str, int]
+    sites: tuple[SiteTotalsAnswer, ...]
+    alerts: dict[str, int]
+    open_alerts: tuple[AlertAnswer, ...]
+    problems: tuple[str, ...]

@@ -19,6 +19,7 @@ from services.monitor.web.pages.objects import add_objects
 from services.monitor.web.pages.overview import add_overview
 from services.monitor.web.pages.page_data import PageData
 from services.monitor.web.pages.wall import add_wall
+from services.monitor.web.pages.warehouses import add_warehouses
 from services.monitor.web.pages.world_object import add_world_object
 
 
@@ -33,6 +34,7 @@ def add_pages(app: FastAPI, monitor: Monitor) -> None:
     add_in_view(shared, charts, monitor)
     add_alerts(monitor, KeptAlerts(monitor.archive))
     add_health(shared, monitor)
+    add_warehouses(monitor)
     _add_views(app, monitor)
 
 

@@ -71,6 +71,7 @@ INVENTORY: Final = PageLink("Inventory", "/inventory", "inventory_2")
 ALERTS: Final = PageLink("Alerts", "/alerts", "notifications")
 MAP: Final = PageLink("Map", "/map", "map")
 HEALTH: Final = PageLink("Health", "/health", "monitor_heart")
+WAREHOUSES: Final = PageLink("Warehouses", "/warehouses", "warehouse")
 WALL: Final = "/wall"
 IN_VIEW: Final = "/in-view"
 PLACES: Final = (FLEET, INVENTORY, ALERTS, MAP, HEALTH)
@@ -79,8 +80,8 @@ PLACES: Final = (FLEET, INVENTORY, ALERTS, MAP, HEALTH)
 class Links:
     """The navigation links; the one to the alerts shows the number of open alerts in the colour of the most severe."""
 
-    def __init__(self, here: PageLink | None) -> None:
-        self._here = here
+    def __init__(self, here: PageLink | None, places: Sequence[PageLink] = PLACES) -> None:
+        self._here, self._places = here, places
         self._nav = still(self._html((), Severity.INFO), tag="nav").classes("fs-nav").props('aria-label="Pages"')
 
     def count(self, alerts: Sequence[Alert]) -> None:
@@ -93,8 +94,16 @@ class Links:
         return "".join(
             f'<a href="{place.path}" class="{"fs-here" if place is self._here else ""}">{icon_of(place.icon)}'
             f"<div>{place.name}</div>{count if place is ALERTS else ''}</a>"
-            for place in PLACES
+            for place in self._places
         )
+
+
+def panel(title: str) -> ui.element:
+    """Add a panel with a heading; what is made within goes below that."""
+    made = ui.element("div").classes("fs-panel")
+    with made, ui.element("div").classes("fs-panel-head"), ui.element("h2"):
+        ui.label(title)
+    return made
 
 
 def tabs(*pages: tuple[str, str], here: str) -> None:

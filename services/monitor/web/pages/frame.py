@@ -1,7 +1,7 @@
 """The frame around every page: navigation, user, problems of the monitor; limits the pages that a visitor has open."""
 
 from collections import defaultdict
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from html import escape
@@ -18,7 +18,7 @@ from services.monitor.history.state import HistoryError
 from services.monitor.monitor import Monitor
 from services.monitor.web.auth.routes import notice
 from services.monitor.web.auth.users import Visitor, visitor_of
-from services.monitor.web.pages.components import Links, PageLink, icon_of, still
+from services.monitor.web.pages.components import PLACES, WAREHOUSES, Links, PageLink, icon_of, still
 
 MOST_OPEN: Final = 50
 """Maximum number of pages per visitor."""
@@ -163,10 +163,11 @@ async def page_frame(
     links: list[Links] = []
     still(escape(title), tag="h1").classes("fs-unseen")
     if bars:
-        links.append(_bar(visitor, here))
+        places = (WAREHOUSES, *PLACES) if monitor.fleet.warehouses else PLACES
+        links.append(_bar(visitor, here, places))
         await pause()
         with ui.footer(elevated=False).classes("fs-footer"):
-            links.append(Links(here))
+            links.append(Links(here, places))
     else:
         ui.dark_mode(THEMES[_chosen_theme()].dark)
     banners = _Banners(monitor)
@@ -237,11 +238,11 @@ def export_link(monitor: Monitor, what: str) -> None:
         link.classes("fs-link fs-small").props("download")
 
 
-def _bar(visitor: Visitor, here: PageLink | None) -> Links:
+def _bar(visitor: Visitor, here: PageLink | None, places: Sequence[PageLink]) -> Links:
     with ui.header(elevated=False).classes("fs-header"):
         with ui.link(target="/").classes("fs-brand"):
             still("fleet<b>sight</b>", tag="span")
-        links = Links(here)
+        links = Links(here, places)
         with ui.element("div").classes("fs-who"):
             ui.label(visitor.name).classes("fs-name").tooltip(f"signed in as {visitor.role}")
             _theme_button()

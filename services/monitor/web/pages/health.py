@@ -13,7 +13,7 @@ from services.monitor.formats import limited, natural
 from services.monitor.history.settings import NONE
 from services.monitor.join_address import endpoint_to_join, endpoints_to_join
 from services.monitor.monitor import Monitor
-from services.monitor.web.pages.components import HEALTH
+from services.monitor.web.pages.components import HEALTH, panel
 from services.monitor.web.pages.frame import REFRESH_S, banner, nothing_yet, page_at, page_frame
 from services.monitor.web.pages.live_table import SEARCH, Choices, Column, LiveTable, Loaded, RowWindow, search_field
 from services.monitor.web.pages.page_data import PageData
@@ -115,7 +115,7 @@ class _Health:
         self._unserved = ui.element("div")
         with self._unserved:
             self._unserved_text = banner("")
-        with _panel("Workers"):
+        with panel("Workers"):
             self._workers = LiveTable(
                 WORKER_COLUMNS, self._load_workers, row_key="id", sort="state", body=WORKER_BODY, card=WORKER_CARD
             )
@@ -125,7 +125,7 @@ class _Health:
                 "Cameras need a detector. Start one on a machine with a CPU or GPU to spare:",
                 command=f"fleetsight detector --connect {endpoint_to_join(monitor.settings)}",
             )
-        with _panel("Gateways"):
+        with panel("Gateways"):
             with ui.element("div").classes("fs-panel-head"):
                 search_field("Robot, camera or class", self._look_for, self._wanted.text)
             self._gateways = LiveTable(
@@ -140,7 +140,7 @@ class _Health:
                 "smart_toy", "No gateway has joined", "Each robot runs its own; the Fleet page shows how to start one."
             )
             self._none = nothing_yet("search_off", "No gateway matches", "Clear the search.")
-        with _panel("This monitor"):
+        with panel("This monitor"):
             self._itself = MonitorHealth(monitor)
         ui.timer(REFRESH_S, self.refresh, immediate=False)
 
@@ -195,10 +195,3 @@ class _Health:
         self._wanted = replace(self._wanted, text=text)
         self._choices.keep(SEARCH, text)
         await self._gateways.begin()
-
-
-def _panel(title: str) -> ui.element:
-    panel = ui.element("div").classes("fs-panel")
-    with panel, ui.element("div").classes("fs-panel-head"), ui.element("h2"):
-        ui.label(title)
-    return panel

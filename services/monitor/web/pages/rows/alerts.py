@@ -45,9 +45,14 @@ DEEDS: Final = {
 }
 
 
+def urgency(alert: Alert) -> tuple[int, int, int]:
+    """Return a key by which alerts are sorted: the most severe first, then unacknowledged ones, then the newest."""
+    return URGENCY[alert.severity], NEED[alert.state], -alert.raised_ns
+
+
 def most_urgent_first(alerts: Iterable[Alert]) -> list[Alert]:
     """Return alerts by severity, then unacknowledged ones, then the newest."""
-    return sorted(alerts, key=lambda each: (URGENCY[each.severity], NEED[each.state], -each.raised_ns))
+    return sorted(alerts, key=urgency)
 
 
 def wanted_alerts(alerts: Iterable[Alert], severity: Severity | None, text: str) -> list[Alert]:
