@@ -29,6 +29,14 @@ def _shipped(model: str) -> str:
     return str(shipped) if model == shipped.name and not Path(model).exists() and shipped.is_file() else model
 
 
+def check_is_file(option: str, weights: str) -> None:
+    """Raise ValueError for weights that are not here, and are not to be downloaded. option: that names them."""
+    if Path(weights).is_dir():
+        raise ValueError(f"{option} {printable(weights)}: a folder")
+    if not Path(weights).is_file():
+        raise ValueError(f"{option} {printable(weights)}: no such file (--download lets Ultralytics download it)")
+
+
 def default_cache() -> Path:
     """Return the user's cache folder; without a home directory, one that keeps nothing."""
     try:
@@ -205,13 +213,8 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
     @model_validator(mode="after")
     def _model_is_here(self) -> Self:
         for option, weights in (("--model", self.model), ("--detection-model", self.detection_model)):
-            if weights is None or self.download:
-                continue
-            if Path(weights).is_dir():
-                raise ValueError(f"{option} {printable(weights)}: a folder")
-            if not Path(weights).is_file():
-                hint = "--download lets Ultralytics download it"
-                raise ValueError(f"{option} {printable(weights)}: no such file ({hint})")
+            if weights is not None and not self.download:
+                check_is_file(option, weights)
         return self
 
     @model_validator(mode="after")

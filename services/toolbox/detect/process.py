@@ -13,14 +13,17 @@ from fleetsight.asking import ask_detectors
 from gateway.ros1.tasks import to_the_end
 from schemas.detections import Detection, Detections
 from schemas.errors import SchemaError
+from schemas.image import ImageFrame
 from schemas.printing import printable
 from services.detector.model import ModelError
 from services.detector.overlay import drawings, jpeg_of
 from services.detector.pixels import to_bgr
 from services.detector.requests import detect
-from services.detector.runtime.loading import load
+from services.detector.runtime.loading import load_all
+from services.detector.settings import DetectorSettings
 from services.detector.stills import StillError, frame_of
 from services.geometry.errors import MaskError
+from services.toolbox.detect.nothing_found import asking_for_anything, why_nothing
 from services.toolbox.detect.settings import DetectSettings
 
 FAILED: Final = 1
@@ -55,8 +58,16 @@ def _failed(reason: str) -> int:
 
 async def _locally(settings: DetectSettings, image: bytes) -> Detections:
     frame = await asyncio.to_thread(frame_of, image)  # a file that is no image costs nobody the loading of a model
+    found = await _by_a_model(settings.of_model, frame)
+    if not found.objects:
+        anything = await _by_a_model(asking_for_anything(settings.of_model), frame)
+        sys.stderr.write(f"fleetsight detect: {why_nothing(settings, anything)}\n")
+    return found
+
+
+async def _by_a_model(settings: DetectorSettings, frame: ImageFrame) -> Detections:
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
-        model = await asyncio.to_thread(load, settings.of_model, Path(folder))
+        model = await asyncio.to_thread(load_all, settings, Path(folder))
         try:
             return await detect(model, ANSWERED_BY, frame)
         except ModelError as error:  # unlike one that cannot be loaded, no wrong setting

@@ -7,14 +7,18 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from bus.settings import BusSettings
 from schemas.printing import printable
-from services.detector.settings import SHIPPED_MODEL, DetectorSettings, LookSettings, Runtime
+from services.detector.settings import SHIPPED_MODEL, DetectorSettings, LookSettings, Runtime, check_is_file
 from services.option_names import given_as_options
 
 SUFFIXES: Final = ("", ".jpg", ".jpeg")
 """Of a JPEG file; a device has none."""
 
 
-LOCAL: Final = {"model", "runtime", *LookSettings.model_fields} - {"cache", "device", "threads"}
+LOCAL: Final = {"model", "detection_model", "download", "runtime", *LookSettings.model_fields} - {
+    "cache",
+    "device",
+    "threads",
+}
 """Settings that change what --local finds, and say nothing to a worker. As options they are refused without --local; in
 an environment or a file, which other commands share, they may stand."""
 
@@ -40,6 +44,10 @@ class DetectSettings(LookSettings, BusSettings):
     model: Annotated[
         str | None, Field(description="Ultralytics weights for --local; the shipped ones unless given")
     ] = None
+    detection_model: Annotated[
+        str | None, Field(description="second model for --local, for boxes; its objects get the masks of --model")
+    ] = None
+    download: Annotated[bool, Field(description="let Ultralytics download missing weights for --local")] = False
     runtime: Annotated[Runtime, Field(description="what computes with --local; all but torch export the model")] = (
         "torch"
     )
@@ -68,15 +76,21 @@ class DetectSettings(LookSettings, BusSettings):
             raise ValueError(f"--output {drawing}: that is the image, which would be lost")
         if self.drawing.suffix.lower() not in SUFFIXES:
             raise ValueError(f"--output {drawing}: what is written is JPEG: .jpg")
-        if self.local and self.model is not None and not Path(self.model).is_file():
-            model = printable(self.model)
-            raise ValueError(f"--model {model}: {'a folder' if Path(self.model).is_dir() else 'no such file'}")
+        for option, weights in (("--model", self.model), ("--detection-model", self.detection_model)):
+            if self.local and weights is not None and not self.download:
+                check_is_file(option, weights)
 
     @property
     def of_model(self) -> DetectorSettings:
         """The settings of the model that runs here."""
         chosen = {name: getattr(self, name) for name in LookSettings.model_fields}
-        return DetectorSettings(model=self.model or str(SHIPPED_MODEL), runtime=self.runtime, **chosen)
+        return DetectorSettings(
+            model=self.model or str(SHIPPED_MODEL),
+            detection_model=self.detection_model,
+            download=self.download,
+            runtime=self.runtime,
+            **chosen,
+        )
 
     @property
     def drawing(self) -> Path:

@@ -1,12 +1,14 @@
 """The command with a model of its own: one with random weights, which finds objects of any score."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from services.detector.runtime.offline import keep_offline
 from services.detector.settings import DetectorSettings
@@ -57,6 +59,41 @@ async def test_settings_of_a_detector_say_why_a_model_finds_nothing(found: Any) 
     assert len(await found(confidence=0.05, agnostic_nms=True)) < len(many)
     assert len(await found(confidence=0.05, nms=False, max_detections=1000)) != len(many)
     assert len(await found(confidence=0.05, image_size=64)) != len(many)
+
+
+async def test_why_nothing_is_found_is_said(image: Path, model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    async def said(**options: object) -> str:
+        given = {"image": image, "local": True, "json": True, "model": str(model), "device": "cpu", **options}
+        assert await run(DetectSettings.model_validate(given)) == 0
+        printed = capsys.readouterr()
+        assert json.loads(printed.out)["objects"] == []
+        return printed.err
+
+    line = await said(confidence=0.99)
+    assert line.startswith("fleetsight detect: nothing found in an image of 150 x 90 pixels; the best scores are ")
+    assert line.count("\n") == 1
+    scores = [float(score) for score in re.findall(r" (0\.\d\d) \(--confidence 0\.99\)", line)]
+    assert scores == sorted(scores, reverse=True)
+    assert scores[0] > 0.5
+    names = re.findall(r"([abcd]\S+) 0\.", line)
+    others = [rf"{name}\udcff" for name in "abcd" if not names[0].startswith(name)]
+    line = await said(confidence=0.99, classes=others, image_size=64)
+    assert "scaled to 64 (--image-size)" in line
+    assert "(not among --classes)" in line
+    line = await said(confidence=0.1, class_confidence=[rf"{name}\udcff=0.99" for name in "abcd"])
+    assert "(--class-confidence 0.99)" in line
+
+
+async def test_a_second_model_finds_the_boxes(found: Any, model: Path) -> None:
+    boxes = await found(confidence=0.3)
+    paired = await found(confidence=0.3, model=None, detection_model=str(model))
+    assert [(each["name"], each["box"]) for each in paired] == [(each["name"], each["box"]) for each in boxes]
+
+
+@pytest.mark.parametrize("option", ["model", "detection_model"])
+def test_weights_that_are_not_here_are_named(image: Path, option: str) -> None:
+    with pytest.raises(ValidationError, match=f"--{option.replace('_', '-')} gone.pt: no such file"):
+        DetectSettings.model_validate({"image": image, "local": True, option: "gone.pt"})
 
 
 async def test_a_classs_name_with_half_a_character_is_printed_as_its_escape(found: Any) -> None:

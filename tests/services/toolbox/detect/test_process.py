@@ -258,7 +258,7 @@ async def test_why_a_worker_ends_is_said_when_there_is_no_other(
 async def test_a_file_that_is_no_image_is_named_before_a_model_is_loaded(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(process, "load", None)
+    monkeypatch.setattr(process, "load_all", None)
     file = tmp_path / "text.jpg"
     file.write_text("no image")
     assert await run(DetectSettings.model_validate({"image": file, "local": True})) == 1
@@ -268,7 +268,7 @@ async def test_a_file_that_is_no_image_is_named_before_a_model_is_loaded(
 async def test_a_model_that_works_no_longer_is_a_failure_and_no_wrong_setting(
     image: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(process, "load", lambda *_: FakeModel(broken=True))
+    monkeypatch.setattr(process, "load_all", lambda *_: FakeModel(broken=True))
     assert await run(settings(image, "tcp/127.0.0.1:1", local=True)) == 1
     assert capsys.readouterr().err == f"fleetsight detect: {image}: no memory\n"
 
