@@ -3,7 +3,7 @@
 import asyncio
 import json
 import time
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Final, Literal, get_args
@@ -11,30 +11,22 @@ from typing import Annotated, Final, Literal, get_args
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 
 from schemas.alerts import Alert
-from schemas.status import GatewayStatus
 from services.monitor.event_loop import CachedValue, in_turns
 from services.monitor.formats import moment
-from services.monitor.history.state import Act, HistoryError
-from services.monitor.inventory.inventory import Entry
+from services.monitor.history.state import HistoryError
 from services.monitor.monitor import MAX_AGE_S, Monitor
-from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
-from services.monitor.web.api.bodies import (
-    alert_answer,
-    camera_body,
-    encoded,
-    gateway_answer,
-    robot_body,
-    sighting_body,
-    worker_answer,
-)
+from services.monitor.web.api.live_items import Found, Name, of_alert, of_entry, of_snapshot, of_worker, of_world
 
-Topic = Literal["robots", "cameras", "inventory", "alerts", "workers", "gateways"]
+Topic = Literal[
+    "robots", "cameras", "inventory", "alerts", "workers", "gateways", "sites", "zones", "warehouses", "objects"
+]
 TOPICS: Final[tuple[Topic, ...]] = get_args(Topic)
+
+UNLESS_CHOSEN: Final = TOPICS[: TOPICS.index("objects")]
+"""The topics of a client that chooses none: of objects there may be a hundred thousand."""
 
 RENEW_S: Final = 10.0
 """Seconds between updates of items of which only times, rates and scores change."""
-
-Name = tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,9 +40,6 @@ class Item:
 
 
 Items = Mapping[Name, Item]
-
-Found = tuple[Name, Hashable, str, Callable[[], str]]
-"""The parts of an item: name, state, robot, and a function that makes its JSON."""
 
 
 class Feed:
@@ -80,25 +69,21 @@ class Feed:
 
     async def _found(self, topic: Topic) -> Iterable[Found]:
         match topic:
-            case "robots":
-                return map(_of_robot, (await self._monitor.snapshot()).robots)
-            case "cameras":
-                return map(_of_camera, (await self._monitor.snapshot()).cameras)
+            case "robots" | "cameras" | "gateways":
+                return of_snapshot(topic, await self._monitor.snapshot())
             case "inventory":
-                return map(_of_entry, await self._monitor.inventory())
+                return map(of_entry, await self._monitor.inventory())
             case "alerts":
                 return self._of_alerts(await self._monitor.current_alerts())
             case "workers":
-                return map(_of_worker, self._monitor.workers().lines)
-            case "gateways":
-                robots = (await self._monitor.snapshot()).robots
-                return (_of_gateway(robot, robot.gateway) for robot in robots if robot.gateway is not None)
+                return map(of_worker, self._monitor.workers().lines)
+            case _:
+                return of_world(topic, self._monitor.fleet, time.time_ns())
 
     def _of_alerts(self, alerts: Iterable[Alert]) -> Iterator[Found]:
         for alert in alerts:
             acts, known_until_ns = self._monitor.acts_of(alert.id), self._monitor.known_until_ns(alert)
-            state = (alert, acts, known_until_ns)
-            yield (alert.id,), state, alert.robot, partial(_alert_json, alert, acts, known_until_ns)
+            yield of_alert(alert, acts, known_until_ns)
 
     def _item(self, topic: Topic, found: Found) -> Item:
         name, state, robot, body = found
@@ -108,57 +93,12 @@ class Feed:
         return Item(state, body(), now_s, robot)
 
 
-def _alert_json(alert: Alert, acts: tuple[Act, ...], known_until_ns: int | None) -> str:
-    return alert_answer(alert, acts, known_until_ns).model_dump_json(by_alias=True)
-
-
-def _of_robot(robot: RobotLine) -> Found:
-    state = (robot.online, robot.problems, robot.cameras, _counts(robot.dropped))
-    return (robot.name,), state, robot.name, lambda: encoded(robot_body(robot)).decode()
-
-
-def _of_camera(camera: CameraLine) -> Found:
-    row, key = camera.row, camera.key
-    seen = None if row.classes is None else tuple((each.name, each.count) for each in row.classes)
-    state = (row.online, row.stale, seen, camera.served_by, _counts(camera.dropped))
-    return (key.robot, key.camera), state, key.robot, lambda: encoded(camera_body(camera)).decode()
-
-
-def _of_entry(entry: Entry) -> Found:
-    of = entry.sighting
-    near = None if of.nearest_m is None else round(of.nearest_m, 1)
-    state = (of.count, of.first_ns, entry.available, near, of.model)
-    return (of.key.robot, of.key.camera, of.name), state, of.key.robot, lambda: encoded(sighting_body(entry)).decode()
-
-
-def _of_worker(worker: WorkerLine) -> Found:
-    status = worker.status
-    loads = tuple((load.robot, load.camera, load.serving) for load in status.cameras)
-    state = (worker.online, status.model, loads, tuple(status.remarks), status.version)
-    name = (status.service, status.worker)
-    return name, state, "", lambda: worker_answer(worker).model_dump_json(by_alias=True)
-
-
-def _of_gateway(robot: RobotLine, of: GatewayStatus) -> Found:
-    streams = tuple((each.name, each.topic, each.wanted, each.publishers, each.problem) for each in of.streams)
-    returns = tuple((each.camera, each.stream, each.wanted) for each in of.returns)
-    state = (robot.online, of.waiting_for, of.clock_jumps, streams, returns, of.version)
-    return (
-        (of.robot,),
-        state,
-        of.robot,
-        lambda: gateway_answer(of, robot.last_ns, online=robot.online).model_dump_json(by_alias=True),
-    )
-
-
-def _counts(dropped: Mapping[str, int]) -> Hashable:
-    return tuple(sorted(dropped.items()))
-
-
 MAX_CLIENTS: Final = 100
 TRY_AGAIN_LATER: Final = 1013
 
-Topics = Annotated[Sequence[Topic], Query(max_length=len(TOPICS), description="topics to send; all by default")]
+Topics = Annotated[
+    Sequence[Topic], Query(max_length=len(TOPICS), description="topics to send; all but objects by default")
+]
 Period = Annotated[float, Query(ge=MAX_AGE_S, le=60, description="minimum seconds between two messages")]
 Robot = Annotated[str, Query(max_length=64, description="only this robot")]
 
@@ -204,7 +144,7 @@ def live_routes(monitor: Monitor) -> APIRouter:
     @router.websocket("/live")
     async def live(
         socket: WebSocket,
-        topic: Topics = TOPICS,
+        topic: Topics = UNLESS_CHOSEN,
         robot: Robot = "",
         period_s: Period = 1.0,
     ) -> None:

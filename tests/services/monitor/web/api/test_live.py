@@ -15,11 +15,13 @@ from websockets.asyncio.client import ClientConnection
 from bus.fake import FakeNetwork
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
-from services.monitor.web.api.live import TOPICS, Feed, Item, LiveClient, Topic
+from services.monitor.web.api.live import TOPICS, UNLESS_CHOSEN, Feed, Item, LiveClient, Topic
 from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.api.seeing import ODD, fill, see
 from tests.services.monitor.web.api.test_alerts import alert, raise_alert
+from tests.services.monitor.web.pages.rows.test_warehouses import report_of
 from tests.services.monitor.web.serving import Served, monitor_on, served
+from tests.services.monitor.world.test_site_objects import tell_of, thing
 
 
 async def test_nothing_is_made_that_nobody_asked_for() -> None:
@@ -88,6 +90,38 @@ async def test_what_is_no_news_stays_the_same_item() -> None:
         assert then["inventory"] == first["inventory"]
 
 
+async def test_sites_their_objects_and_warehouses_change_like_the_rest() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+        tell_of(monitor.fleet, thing("a", 1), thing("b", 2))
+        report_of(monitor.fleet, "berlin")
+        feed = Feed(monitor)
+
+        async def told() -> dict[Topic, dict[tuple[str, ...], Item]]:
+            for recent in feed._recent.values():
+                recent._made = None
+            _, found = await feed.current(["sites", "zones", "objects", "warehouses"])
+            return {topic: dict(items) for topic, items in found.items()}
+
+        first = await told()
+        assert {topic: list(items) for topic, items in first.items()} == {
+            "sites": [("hall",)],
+            "zones": [],
+            "objects": [("hall", "a"), ("hall", "b")],
+            "warehouses": [("berlin",)],
+        }
+        assert json.loads(first["objects"]["hall", "a"].body)["x"] == 1
+        assert json.loads(first["warehouses"]["berlin",].body)["objects"] == {"box": 5, "pallet": 2}
+        tell_of(monitor.fleet, thing("a", 1), thing("b", 5))
+        then = await told()
+        assert then["objects"]["hall", "a"] is first["objects"]["hall", "a"], "it did not move"
+        assert json.loads(then["objects"]["hall", "b"].body)["x"] == 5
+        assert then["warehouses"] == first["warehouses"]
+        report_of(monitor.fleet, "berlin", robots_online=0)
+        assert json.loads((await told())["warehouses"]["berlin",].body)["robots_online"] == 0
+        assert "objects" not in UNLESS_CHOSEN
+
+
 def item(body: str, robot: str = "r1") -> Item:
     return Item(body, f'"{body}"', 0.0, robot)
 
@@ -153,8 +187,9 @@ async def test_the_fleet_as_it_changes_over_a_real_socket(caplog: pytest.LogCapt
                 assert then["robots"]["changed"][0]["online"] is False
             async with live(at, "&robot=zz") as socket:
                 first = await next_of(socket)
-                assert set(first) == {"now", *TOPICS}
-                assert [first[topic] for topic in TOPICS if topic != "workers"] == [{"changed": [], "gone": []}] * 5
+                assert set(first) == {"now", *UNLESS_CHOSEN}
+                others = [first[topic] for topic in UNLESS_CHOSEN if topic != "workers"]
+                assert others == [{"changed": [], "gone": []}] * 8
             await refused(at)
     assert not [each.message for each in caplog.records if each.levelno >= logging.WARNING]
 
