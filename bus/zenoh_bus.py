@@ -17,8 +17,8 @@ from bus.requests.serving import check_free
 from bus.session.declaration import Declaration
 from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
 from bus.session.known_keys import KnownKeys
-from bus.session.link_use import LinkUse, most_links
-from bus.session.process_limits import MOST_FILES, SHAREABLE_BYTES, keep_freed_memory, may_lock, raise_file_limit
+from bus.session.link_use import MOST_FILES, LinkUse, most_links
+from bus.session.process_limits import SHAREABLE_BYTES, keep_freed_memory, may_lock, raise_file_limit
 from bus.session.session import SessionThread
 from bus.settings import BusSettings
 
