@@ -52,7 +52,9 @@ class BusSettings(BaseModel):
         default=["tcp/127.0.0.1:7447"], description="endpoints to connect to; a client uses the first that answers"
     )
     listen: list[Endpoint] = Field(
-        default=[], validate_default=True, description="endpoints to accept connections on; a router needs one"
+        default=[],
+        validate_default=True,
+        description="endpoints to accept connections on; a router needs one, a client serves its machine with it",
     )
     scouting: bool = Field(
         default=False,
@@ -107,11 +109,8 @@ class BusSettings(BaseModel):
     @field_validator("listen")
     @classmethod
     def _listens_where_it_must(cls, listen: list[str], info: ValidationInfo) -> list[str]:
-        mode = info.data.get("mode")
-        if mode == "router" and not listen:
+        if info.data.get("mode") == "router" and not listen:
             raise ValueError("a router needs at least one endpoint to listen on")
-        if mode == "client" and listen:
-            raise ValueError("a client does not listen; use mode peer or router")
         return listen
 
     @model_validator(mode="after")
@@ -128,8 +127,8 @@ class BusSettings(BaseModel):
     def _who_listens_applies_rules(self) -> Self:
         if self.access is not None and self.tls_ca is None:
             raise ValueError("access: the rules are by certificate, so it needs tls_ca, tls_certificate, tls_key")
-        if self.access is not None and self.mode == "client":
-            raise ValueError("access: a client applies no rules; give them to the router")
+        if self.access is not None and self.has_one_link:
+            raise ValueError("access: a client that does not listen applies no rules; give them to the router")
         return self
 
     @model_validator(mode="after")
@@ -138,4 +137,16 @@ class BusSettings(BaseModel):
             self.connect = []
         if self.mode == "client" and not self.connect and not self.scouting:
             raise ValueError("connect: a client needs an endpoint to connect to, or scouting")
+        if self.mode == "client" and not self.connect and self.listen:
+            raise ValueError("connect: a client that listens needs an endpoint to connect to; a peer scouts")
         return self
+
+    @property
+    def has_one_link(self) -> bool:
+        """Whether this is a client that nobody connects to."""
+        return self.mode == "client" and not self.listen
+
+    @property
+    def is_listening_client(self) -> bool:
+        """Whether this is a client of a router to which others connect."""
+        return self.mode == "client" and bool(self.listen)

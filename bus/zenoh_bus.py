@@ -17,8 +17,8 @@ from bus.requests.serving import check_free
 from bus.session.declaration import Declaration
 from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
 from bus.session.known_keys import KnownKeys
-from bus.session.link_use import LinkUse, most_links
-from bus.session.process_limits import MOST_FILES, SHAREABLE_BYTES, keep_freed_memory, may_lock, raise_file_limit
+from bus.session.link_use import MOST_FILES, LinkUse, most_links
+from bus.session.process_limits import SHAREABLE_BYTES, keep_freed_memory, may_lock, raise_file_limit
 from bus.session.session import SessionThread
 from bus.settings import BusSettings
 
@@ -41,14 +41,14 @@ async def open_bus(settings: BusSettings, *, own_process: bool = True) -> AsyncI
     A client whose router is not there yet waits for it in the background; so do peers and routers.
 
     own_process: the process is one of the fleet's, so its limit of open files is raised. That of another program is
-    raised only for a router or a peer, whose links are open files; Zenoh (1.10) itself raises it for shared memory.
+    raised only where others connect, since links are open files; Zenoh (1.10) itself raises it for shared memory.
 
     Raises:
         BusError: an endpoint to listen on is taken or refused, or a file of certificates cannot be used.
 
     """
     keep_freed_memory()
-    files = raise_file_limit() if own_process or settings.mode != "client" else MOST_FILES  # enough for one link
+    files = raise_file_limit() if own_process or not settings.has_one_link else MOST_FILES  # enough for one link
     bus = ZenohBus(_shareable(settings), most_links(files))
     try:
         await bus.start()
@@ -73,7 +73,7 @@ class ZenohBus:
     def __init__(self, settings: BusSettings, links: int) -> None:
         self._loop = asyncio.get_running_loop()
         self._session = SessionThread(settings, links)
-        self._known_keys = KnownKeys(self._session.do) if settings.mode == "client" else None
+        self._known_keys = KnownKeys(self._session.do) if settings.has_one_link else None
         self._shared_memory = settings.shared_memory
         self._lanes = Lanes()
         self._handles: set[_Handle] = set()

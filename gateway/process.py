@@ -10,7 +10,7 @@ from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, supp
 from dataclasses import dataclass
 from typing import Any, Final
 
-from bus import open_bus
+from bus import BusSettings, open_bus
 from bus.clocks import clock_id
 from bus.reporting import VERSION, report
 from gateway.doctor.finding import Severity
@@ -137,7 +137,11 @@ async def _run(settings: GatewaySettings) -> int:
     shaping = Shaping(settings, Consumers(settings.robot, machine, near=stays_near(settings)))
     clock = SimClock()
     log.info("robot %s: ROS master %s", settings.robot, settings.ros_master)
-    async with open_bus(settings) as bus, _node(settings, boot_id) as node, asyncio.TaskGroup() as group:
+    async with (
+        open_bus(_below_routers(settings)) as bus,
+        _node(settings, boot_id) as node,
+        asyncio.TaskGroup() as group,
+    ):
         offers = Offers(
             group,
             bus,
@@ -167,6 +171,13 @@ async def _run(settings: GatewaySettings) -> int:
             await cancel_and_wait(tasks)
         await offers.close()
     return SHUT_DOWN_BY_MASTER
+
+
+def _below_routers(settings: GatewaySettings) -> BusSettings:
+    """Return the bus settings of a client for a router that connects to one, which would hear of all other robots."""
+    return (
+        settings.model_copy(update={"mode": "client"}) if settings.mode == "router" and settings.connect else settings
+    )
 
 
 @asynccontextmanager

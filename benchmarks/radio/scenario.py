@@ -38,7 +38,7 @@ class Place:
     async def gateway(self, *options: str) -> AsyncIterator[None]:
         """Run the robot's gateway, as it runs on a robot, until the context is left; class lists come by then."""
         command = ["gateway", "--robot", ROBOT, "--ros-master", self.master, "--ros-host", "127.0.0.1"]
-        command += ["--connect", self.relay.endpoint, "--mode", "router", "--listen", free_endpoint()]
+        command += ["--connect", self.relay.endpoint, "--listen", free_endpoint()]
         command += ["--no-shared-memory", "--no-results", *options]
         began_s = time.time()
         async with child("gateway", command, note):

@@ -18,7 +18,14 @@ MAX_FLUSH_MS: Final = 500
 
 RETRY: Final = {"period_init_ms": 200, "period_max_ms": 1_000, "period_increase_factor": 2}
 NO_RETRY: Final = {"period_init_ms": 3_600_000, "period_max_ms": 3_600_000, "period_increase_factor": 1}
-"""A client that loses its link ends the session and opens a new one."""
+"""A client that nobody connects to ends the session with its link, and opens a new one."""
+
+NEIGHBOURS: Final = [{"filters": [{"modes": ["client", "peer"]}]}]
+"""Who connects to a client is in a region of its own, for which this client speaks to the router.
+
+As a router among routers it would be sent all declarations of all others (Zenoh 1.10): of a thousand robots about a
+gigabyte whenever their common router is restarted.
+"""
 
 REQUEST_BATCHES: Final = 16
 """Size of a link's queue of requests and replies, which have a priority of their own: 1 MiB fits at once."""
@@ -40,25 +47,27 @@ MAX_MESSAGE_BYTES: Final = (128 << 20) + (64 << 10)
 
 
 def session_config(
-    settings: BusSettings, links: int = MAX_LINKS, access: Mapping[str, Any] | None = None
+    settings: BusSettings, links: int = MAX_LINKS, access: Mapping[str, Any] | None = None, first: str = ""
 ) -> dict[str, Any]:
     """Return Zenoh's configuration as a dict for JSON.
 
     links: how many there may be; they may come all at once, as after a restart. access: rules, as Zenoh has them.
+    first: an endpoint to connect to before the others.
 
     Timestamping is off: a subscriber with history drops what a router's clock puts out of order.
     """
     lease_ms = round(settings.lease_s * 1000)
     blocked_us = min(lease_ms, MAX_BLOCKED_MS) * 1_000
     rules = {} if access is None else {"access_control": access}
-    return rules | {
+    own = rules | ({"gateway": {"south": NEIGHBOURS}} if settings.is_listening_client else {})
+    return own | {
         "mode": settings.mode,
         "connect": {
-            "endpoints": settings.connect,
-            # A client's session tries once; others are open at once and keep trying.
+            "endpoints": [first, *settings.connect] if first else settings.connect,
+            # A client's session tries once; routers and peers are open at once and keep trying.
             "timeout_ms": 0 if settings.mode == "client" else -1,
             "exit_on_failure": settings.mode == "client",
-            "retry": NO_RETRY if settings.mode == "client" else RETRY,
+            "retry": NO_RETRY if settings.has_one_link else RETRY,
         },
         "listen": {"endpoints": settings.listen, "timeout_ms": 0, "exit_on_failure": True},
         "scouting": {

@@ -57,7 +57,7 @@ def log_failure(done: Future[None]) -> None:
         log.error("the bus met an error: %s", error)
 
 
-def reason_of(error: zenoh.ZError | BusError) -> str:
+def reason_of(error: zenoh.ZError | BusError | OSError) -> str:
     """Return the system's error message, or Zenoh's without its source locations."""
     text = re.sub(r" at \S+\.rs:\d+\.?", "", str(error))
     said = re.search(r"([^:\[]+) \(os error \d+\)", text)

@@ -3,11 +3,14 @@
 from dataclasses import dataclass
 from typing import Final
 
-MAX_LINKS: Final = 10_000
-"""Most links of one process; Zenoh's default is 1,000."""
+MOST_FILES: Final = 65_536
+"""Most open files of a process: some systems allow a billion, and programs that close all files would take forever."""
 
 OTHER_FILES: Final = 256
 """Open files that a process needs for other things: each link is a file."""
+
+MAX_LINKS: Final = MOST_FILES - OTHER_FILES
+"""Most links of one process; Zenoh's default is 1,000."""
 
 _NEARLY_ALL: Final = 0.9
 _CALM: Final = 0.8

@@ -53,7 +53,12 @@ class Links:
         return was_there
 
     def missing(self) -> list[str]:
-        """Return the endpoints without a link, as far as addresses and ports tell: hosts may be names."""
+        """Return the endpoints that want a link, as far as addresses and ports tell: hosts may be names.
+
+        A client has one link, to any of them.
+        """
+        if self._settings.mode == "client" and self._there:
+            return []
         others = [other for _, other in self._there]
         return [endpoint for endpoint in self._settings.connect if not any(_fits(endpoint, other) for other in others)]
 
@@ -63,7 +68,7 @@ class Links:
         Who scouts and names nobody to connect to asks for any.
         """
         settings = self._settings
-        if settings.mode == "client" or (settings.scouting and not settings.connect):
+        if settings.has_one_link or (settings.scouting and not settings.connect):
             return True
         return port_of(other) in {port_of(endpoint) for endpoint in settings.connect}
 

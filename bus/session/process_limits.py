@@ -6,8 +6,7 @@ import resource
 from contextlib import suppress
 from typing import Final
 
-MOST_FILES: Final = 65_536
-"""Highest limit to set: some systems allow a billion, and programs that close all files would take forever."""
+from bus.session.link_use import MOST_FILES
 
 
 def raise_file_limit() -> int:

@@ -27,6 +27,7 @@ from bus.session.job_thread import JobThread
 from bus.session.known_keys import Numbers
 from bus.session.link_use import LinkUse, LinkWarning
 from bus.session.links import Links, why_unreached
+from bus.session.listening_client import LostLink, open_listening_client
 from bus.session.panics import panics_are_errors
 from bus.session.tcp_options import Tuning
 from bus.session.timing import BRIEF_S, LOOK_S, REST_S, RETRY_S, SETTLING_S
@@ -34,7 +35,6 @@ from bus.settings import BusSettings
 
 IN_A_ROW: Final = 8
 """Declarations that a router receives before the thread waits for it to process them."""
-
 
 TELL_AFTER_S: Final = 3.0
 """Time that a router or peer may take to connect before the log says that it waits."""
@@ -44,7 +44,6 @@ RENEWED_AFTER: Final = 10_000
 
 OTHERS_RENEWED_AFTER: Final = 50_000
 """The same for a router or peer, whose links all end with it: only declarations that use a new id count."""
-
 
 NEVER: Final = 0
 
@@ -57,10 +56,11 @@ _log: Final = logging.getLogger(__name__)
 class SessionThread:
     """Opens a session, retrying for a client whose routers do not answer, and makes the kept declarations on it.
 
-    Another one follows that of a client whose link is lost, any with very many declarations, and any whose certificates
-    or access rules have changed: Zenoh reads them as a session opens. Zenoh's own (1.10) may go on with what a router
-    has not yet taken for lost, and then mixes up what keys the two speak of; it may give up for good on a link that is
-    closed as it comes up; and it declares everything at once. It still tries, once, until it is ended.
+    Another one follows that of a client whose only link is lost, any with very many declarations, and any whose
+    certificates or access rules have changed: Zenoh reads them as a session opens. Zenoh's own (1.10) may go on with
+    what a router has not yet taken for lost, and then mixes up what keys the two speak of; it may give up for good on a
+    link that is closed as it comes up; and it declares everything at once. It still tries, once, until it is ended.
+    A session to which others connect is left to Zenoh, since they would lose their links with it.
 
     submit, do: see `JobThread`.
     """
@@ -74,6 +74,7 @@ class SessionThread:
         self._turn = NEVER  # callbacks compare it, as one with a session would release that at any time (see REST_S)
         self._links = Links(settings)
         self._link_warning = LinkWarning()
+        self._lost_link = LostLink(settings)
         self._stopping = threading.Event()
         self._retry_at: float | None = None
         self._refused = False
@@ -100,7 +101,7 @@ class SessionThread:
         """Why the bus has no link, in words, or empty."""
         if self._session is not None and (self._links or not self._settings.connect):
             return ""
-        if self._session is None and self._turn != NEVER and self._settings.mode != "client":
+        if self._session is None and self._turn != NEVER and not self._settings.has_one_link:
             return "the bus is being opened again"
         return f"there is no link to {self._where}"
 
@@ -136,7 +137,8 @@ class SessionThread:
         self._open()
 
     def _due(self) -> float | None:
-        return min((at for at in (self._retry_at, self._tell_at, self._look_at) if at is not None), default=None)
+        times = (self._retry_at, self._tell_at, self._look_at, self._lost_link.due_s)
+        return min((at for at in times if at is not None), default=None)
 
     def _do_what_is_due(self) -> None:
         now_s = time.monotonic()
@@ -146,9 +148,18 @@ class SessionThread:
         if self._look_at is not None and self._look_at <= now_s:
             self._look_at = now_s + LOOKED_AT_S
             self.do(self._look_at_files)
+        if self._lost_link.due_s is not None and self._lost_link.due_s <= now_s:
+            self._make_link_anew()
         if self._retry_at is not None and self._retry_at <= now_s:
             self._retry_after(RETRY_S)
             self.do(self._open)
+
+    def _make_link_anew(self) -> None:
+        if self._session is None or self._links:
+            self._lost_link.end()
+        elif self._lost_link.is_given_up() and not self._links:
+            _log.info("opening a new session: %s takes links, and this one has none", self._where)
+            self._end(self._session)
 
     def _look_at_files(self) -> None:
         """Open a new session if certificates or access rules have changed to something that can be used."""
@@ -171,22 +182,22 @@ class SessionThread:
         first = self._retry_at is None
         try:
             session = self._opened()
-        except zenoh.ZError as error:
-            if self._settings.mode != "client" and self._turn == NEVER:
+        except (zenoh.ZError, OSError) as error:
+            if not self._settings.has_one_link and self._turn == NEVER:
                 listen = self._settings.listen
                 named = [endpoint for endpoint in listen if endpoint.partition("/")[2] in str(error)]
                 raise BusError(
                     f"cannot open the bus as a {self._settings.mode} (listen {', '.join(named or listen)}): "
                     f"{reason_of(error)}"
                 ) from error
-            if self._settings.mode == "client" and first:
+            if self._settings.has_one_link and first:
                 self._warn_of(self._settings.connect)
-            elif self._settings.mode != "client" and not self._refused:
+            elif not self._settings.has_one_link and not self._refused:
                 self._refused = True
                 _log.warning("cannot open the bus again yet: %s", reason_of(error))
             self._retry_after(RETRY_S)
             return
-        if self._settings.mode != "client" and self._settings.connect:
+        if not self._settings.has_one_link and self._settings.connect:
             _log.info("connecting to %s", self._where)
             self._tell_at = time.monotonic() + TELL_AFTER_S
         self._use(session)
@@ -201,7 +212,10 @@ class SessionThread:
 
     def _opened(self) -> zenoh.Session:
         self._files.use()
-        config = session_config(self._settings, self._most_links, read_access(self._settings))
+        settings, access = self._settings, read_access(self._settings)
+        if settings.is_listening_client:
+            return open_listening_client(lambda first: session_config(settings, self._most_links, access, first))
+        config = session_config(settings, self._most_links, access)
         return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
 
     def _use(self, session: zenoh.Session) -> None:
@@ -209,11 +223,12 @@ class SessionThread:
         self._session, self._opened_at = session, time.monotonic()
         self._turn += 1
         self._links.clear()
+        self._lost_link.begin()
         self._cut.clear()
         self._unsettled = self._declared = 0
         listener = Callback(partial(self._on_link, self._turn), indirect=False)
         session.info.declare_link_events_listener(listener, history=True)
-        if self._settings.mode == "client" and not session.info.links():
+        if self._settings.has_one_link and not session.info.links():
             _log.warning("lost the link to %s as it came up", self._where)
             self._end(session)
             return
@@ -239,7 +254,7 @@ class SessionThread:
         reads others, and counts links as lost that it has not read for their lease time (Zenoh 1.10).
         """
         self._unsettled += 1
-        if self._settings.mode != "client" or self._unsettled < IN_A_ROW:
+        if not self._settings.has_one_link or self._unsettled < IN_A_ROW:
             return
         self._unsettled = 0
         settled = threading.Event()
@@ -254,6 +269,7 @@ class SessionThread:
         self._session, self._ended = None, session
         self._turn += 1
         self._links.clear()
+        self._lost_link.end()
         close_session(session)  # first: Zenoh (1.10) makes the link anew at once, and declares everything on it
         for declaration in self._kept:
             take_back(declaration)
@@ -270,25 +286,28 @@ class SessionThread:
     def _on_link(self, turn: int, event: zenoh.LinkEvent) -> None:
         """Pass a link event from Zenoh's thread to the session's thread."""
         up = event.kind == zenoh.SampleKind.PUT
-        if not up and self._settings.mode == "client" and turn == self._turn:
+        if not up and self._settings.has_one_link and turn == self._turn:
             self._cut.set()
         self.do(partial(self._link_up if up else self._link_down, turn, event.link.src, event.link.dst))
 
     def _link_up(self, turn: int, own: str, other: str) -> None:
         if turn == self._turn and self._links.add(own, other):
+            self._lost_link.end()
             _log.info("connected to %s", other)
         self._tuning.add(own)
         if news := self._link_warning.news(self.links):
             _log.warning("%s", news)
 
     def _link_down(self, turn: int, own: str, other: str) -> None:
-        is_client = self._settings.mode == "client"
-        if turn != self._turn or self._session is None or not (self._links.remove(own, other) or is_client):
+        ends = self._settings.has_one_link
+        if turn != self._turn or self._session is None or not (self._links.remove(own, other) or ends):
             return
         if not self._jobs.is_ending:
             _log.warning("lost the link to %s, waiting for one to %s", other, self._where)
-        if is_client:
+        if ends:
             self._end(self._session)
+        else:
+            self._lost_link.begin()
 
     def _declare(self, declaration: Declaration) -> None:
         self._kept[declaration] = None
@@ -299,9 +318,9 @@ class SessionThread:
         except zenoh.ZError as error:
             self._undeclare(declaration)
             raise BusError(f"cannot declare: {reason_of(error)}") from error
-        is_client = self._settings.mode == "client"
-        self._declared += is_client or declaration.takes_another
-        if self._declared >= (RENEWED_AFTER if is_client else OTHERS_RENEWED_AFTER):
+        counts_all = self._settings.has_one_link
+        self._declared += counts_all or declaration.takes_another
+        if self._declared >= (RENEWED_AFTER if counts_all else OTHERS_RENEWED_AFTER):
             _log.info("opening a new session after %d declarations on this one", self._declared)
             self._end(self._session)
 

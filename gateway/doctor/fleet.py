@@ -30,7 +30,7 @@ async def look_at_bus(
 ) -> BusLook:
     """Observe the bus for some seconds; joining it may take twice `patience_s`.
 
-    Without a robot's name the whole fleet is looked at. A gateway that is a router connected to others is looked for
+    Without a robot's name the whole fleet is looked at. A gateway that connects and listens is looked for
     among those, and at home.
     """
     looks = await asyncio.gather(
@@ -86,14 +86,14 @@ def beside_the_gateway(settings: GatewaySettings) -> list[BusSettings]:
     """Return bus settings that connect to the gateway's listen endpoints, since those are in use.
 
     Who listens everywhere does so at 127.0.0.1 too, which certificates can name: Zenoh (1.10) finds no [::1] in them.
-    A client uses the first endpoint that answers: what a router connects to and where it listens are two ways to join.
+    A client uses the first endpoint that answers: what a gateway connects to and where it listens are two ways to join.
     """
     own = [
         endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "127.0.0.1")  # noqa: S104
         for endpoint in settings.listen
         if port_of(endpoint) != "0"  # the system chose the port
     ]
-    ways = [settings.connect, own] if settings.mode == "router" else [[*settings.connect, *own]]
+    ways = [settings.connect, own] if settings.listen and settings.mode != "peer" else [[*settings.connect, *own]]
     return [
         BusSettings(
             mode="peer" if settings.mode == "peer" else "client",

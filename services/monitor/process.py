@@ -112,7 +112,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
     zones = () if settings.zones is None else await asyncio.to_thread(load_zones, settings.zones)
     fleet.world = World(zones, on=settings.follows_world)
-    health = Health(bus, hub=settings.mode != "client", settings=settings)
+    health = Health(bus, hub=not settings.has_one_link, settings=settings)
     heartbeat = Heartbeat(health.heard_s, settings.lease_s)
     conditions = WorldConditions(fleet.world, fleet.sites, fleet.places.poses)
     page = "" if settings.web_url is None else str(settings.web_url).rstrip("/")

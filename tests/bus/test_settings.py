@@ -40,7 +40,6 @@ def test_a_wrong_endpoint_is_one_error_that_names_the_field(field: str, endpoint
     ("settings", "location"),
     [
         ({"mode": "router"}, ("listen",)),
-        ({"mode": "client", "listen": ["tcp/127.0.0.1:7447"]}, ("listen",)),
         ({"connect": ["tcp/127.0.0.1:0"]}, ("connect",)),
         ({"mode": "server"}, ("mode",)),
         ({"lease_s": 0.1}, ("lease_s",)),
@@ -56,6 +55,15 @@ def test_a_client_needs_somebody_to_connect_to() -> None:
     with pytest.raises(ValidationError, match="connect"):
         BusSettings(connect=[])
     assert BusSettings(connect=[], scouting=True).connect == []
+    with pytest.raises(ValidationError, match="a client that listens needs an endpoint to connect to"):
+        BusSettings(listen=["tcp/127.0.0.1:7447"], scouting=True)
+
+
+def test_a_client_to_which_others_connect_has_more_than_one_link() -> None:
+    listen = ["tcp/127.0.0.1:7447"]
+    alone, serving, hub = BusSettings(), BusSettings(listen=listen), BusSettings(mode="router", listen=listen)
+    assert [each.has_one_link for each in (alone, serving, hub)] == [True, False, False]
+    assert [each.is_listening_client for each in (alone, serving, hub)] == [False, True, False]
 
 
 def test_a_router_connects_only_where_it_is_told() -> None:
@@ -122,7 +130,10 @@ def test_a_file_that_it_stands_for_and_that_is_not_there_is_named(tmp_path: Path
 
 @pytest.mark.parametrize(
     ("given", "reason"),
-    [({"mode": "client"}, "a client applies no rules"), ({"mode": "peer"}, "the rules are by certificate")],
+    [
+        ({"mode": "client"}, "a client that does not listen applies no rules"),
+        ({"mode": "peer"}, "the rules are by certificate"),
+    ],
 )
 def test_rules_are_for_who_takes_links_with_certificates(given: dict[str, object], reason: str) -> None:
     files = {} if given["mode"] == "peer" else {"tls_ca": __file__, "tls_certificate": __file__, "tls_key": __file__}

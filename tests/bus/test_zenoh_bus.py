@@ -173,9 +173,9 @@ async def test_a_router_that_comes_and_goes_is_told() -> None:
     assert bus.link_problem == "the bus is closed"
 
 
-@pytest.mark.parametrize("mode", ["router", "peer"])
+@pytest.mark.parametrize("mode", ["client", "router", "peer"])
 async def test_a_robots_bus_waits_for_the_centre(
-    mode: Literal["router", "peer"], caplog: pytest.LogCaptureFixture
+    mode: Literal["client", "router", "peer"], caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO, logger="bus")
     central, own = free_endpoint(), free_endpoint()
@@ -201,9 +201,9 @@ async def test_a_robots_bus_waits_for_the_centre(
     assert ours.count("lost the link to") == 2
 
 
-@pytest.mark.parametrize("mode", ["router", "peer"])
+@pytest.mark.parametrize("mode", ["client", "router", "peer"])
 async def test_a_robots_bus_says_in_a_clients_words_what_it_waits_for(
-    mode: Literal["router", "peer"], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    mode: Literal["client", "router", "peer"], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     caplog.set_level(logging.INFO, logger="bus")
     monkeypatch.setattr(session, "TELL_AFTER_S", 0.0)

@@ -1,4 +1,4 @@
-"""The buses that the contract is held against: the fake, two peers, and two clients of an embedded router."""
+"""The buses that the contract is held against: the fake, two peers, two clients of a router, one through a gateway."""
 
 import socket
 from collections.abc import AsyncIterator, Iterator
@@ -29,7 +29,7 @@ def _nothing_blocks_the_loop() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(params=["fake", "peers", "router", "router-without-shm"])
+@pytest.fixture(params=["fake", "peers", "router", "router-without-shm", "through-a-gateway"])
 async def buses(request: pytest.FixtureRequest) -> AsyncIterator[tuple[Bus, Bus]]:
     """Two members of one network."""
     async with AsyncExitStack() as stack:
@@ -50,6 +50,12 @@ async def buses(request: pytest.FixtureRequest) -> AsyncIterator[tuple[Bus, Bus]
             shm = request.param == "router"
             await stack.enter_async_context(open_bus(BusSettings(mode="router", listen=[endpoint], shared_memory=shm)))
             settings = [BusSettings(connect=[endpoint], shared_memory=shm)] * 2
+            if request.param == "through-a-gateway":
+                near = free_endpoint()
+                await stack.enter_async_context(
+                    open_bus(BusSettings(connect=[endpoint], listen=[near], shared_memory=shm))
+                )
+                settings[0] = BusSettings(connect=[near], shared_memory=shm)
         here, there = [await stack.enter_async_context(open_bus(each)) for each in settings]
         await _meet(here, there)
         yield here, there

@@ -88,7 +88,7 @@ async def fleet(tmp_path: Path) -> AsyncIterator[Fleet]:
         ["simulate", "--master-port", str(master), "--width", "320", "--height", "240"],
         [
             *("gateway", "--robot", "r1", "--ros-master", f"http://127.0.0.1:{master}", "--ros-host", "127.0.0.1"),
-            *("--mode", "router", "--listen", f"tcp/127.0.0.1:{near}", *joined, *made.options("r1")),
+            *("--listen", f"tcp/127.0.0.1:{near}", *joined, *made.options("r1")),
         ],
         ["distance", "--robots", "r1", "--connect", f"tcp/127.0.0.1:{near}"],
         ["detector", "--runtime", "torch", *joined, *made.options("gpu1")],

@@ -172,7 +172,7 @@ class Consumers:
 
 def stays_near(settings: BusSettings) -> bool:
     """Return whether processes on this machine connect locally, not by way of a remote router."""
-    return settings.mode != "client" or (bool(settings.connect) and all(map(_is_loopback, settings.connect)))
+    return not settings.has_one_link or (bool(settings.connect) and all(map(_is_loopback, settings.connect)))
 
 
 def _is_loopback(endpoint: str) -> bool:

@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from bus.session.process_limits import MOST_FILES
+from bus.session.link_use import MOST_FILES
 
 LIMITED = """
 import resource

@@ -137,6 +137,7 @@ async def test_a_bus_that_is_joined() -> None:
         ({"connect": ["tcp/a:1"]}, "client", [["tcp/a:1"]]),
         ({"mode": "peer", "connect": ["tcp/a:1"], "listen": ["tcp/b:2"]}, "peer", [["tcp/a:1", "tcp/b:2"]]),
         ({"mode": "router", "connect": ["tcp/a:1"], "listen": ["tcp/b:2"]}, "client", [["tcp/a:1"], ["tcp/b:2"]]),
+        ({"connect": ["tcp/a:1"], "listen": ["tcp/b:2"]}, "client", [["tcp/a:1"], ["tcp/b:2"]]),
         (
             {"mode": "router", "listen": ["tcp/0.0.0.0:7447", "tcp/[::]:7448"]},
             "client",

@@ -2,7 +2,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 from gateway.ros1.tasks import TaskScope
@@ -11,11 +11,15 @@ CHUNK = 1 << 16
 
 
 class Severable:
-    """Hands on what comes in, both ways. While it is cut nothing gets through, and there are no new connections."""
+    """Hands on what comes in, both ways. While it is cut nothing gets through, and there are no new connections.
+
+    received: bytes that were handed on to those that connect.
+    """
 
     def __init__(self, to_port: int) -> None:
         self.cut = False
         self.port = 0
+        self.received = 0
         self._to_port = to_port
         self._writers: set[asyncio.StreamWriter] = set()
 
@@ -39,17 +43,23 @@ class Severable:
         self._writers |= both
         try:
             async with TaskScope() as scope:
-                scope.start(_copy(to_reader, writer), "back")
+                scope.start(_copy(to_reader, writer, self._count), "back")
                 await _copy(reader, to_writer)
         finally:
             self._writers -= both
             for each in both:
                 each.transport.abort()
 
+    def _count(self, size: int) -> None:
+        self.received += size
 
-async def _copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+
+async def _copy(
+    reader: asyncio.StreamReader, writer: asyncio.StreamWriter, count: Callable[[int], None] = lambda _: None
+) -> None:
     with contextlib.suppress(ConnectionError):
         while data := await reader.read(CHUNK):
+            count(len(data))
             writer.write(data)
             await writer.drain()
     writer.transport.abort()

@@ -60,7 +60,7 @@ async def test_an_echo_on_the_robot_shows_distances_and_zenoh_has_places(ros: Ro
     camera = await ros.script(SCENE)
     await camera.until_output("scene up")
     port = free_ports(1)
-    await rig.gateway("r1", ros.master_uri, {}, "--mode", "router", "--listen", f"tcp/127.0.0.1:{port}")
+    await rig.gateway("r1", ros.master_uri, {}, "--listen", f"tcp/127.0.0.1:{port}")
     await rig.at(port).start("distance", "--robots", "r1")
     async with detecting(rig) as detections:
         await rig.return_status("r1", "front", lambda status: not status.wanted, stream="distances")

@@ -94,11 +94,10 @@ async def sensors(bus: Bus, camera: CameraKey, service: Service) -> AsyncIterato
 
 @asynccontextmanager
 async def robot(central: FleetRig, service: Service) -> AsyncIterator[tuple[FleetRig, ThinLink]]:
-    """Give where the workers of a robot connect whose gateway is a router, and its link to the fleet's."""
+    """Give where the workers of a robot connect whose gateway listens, and its link to the fleet's."""
     async with thin_link(int(central.endpoint.rpartition(":")[2]), LINK_BYTES_PER_S) as (link, through):
         port = free_ports(1)
         settings = BusSettings(
-            mode="router",
             listen=[f"tcp/127.0.0.1:{port}"],
             connect=[f"tcp/127.0.0.1:{through}"],
             shared_memory=False,  # it would pass the link by

@@ -3,7 +3,7 @@
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -64,10 +64,9 @@ def router(folder: Path, *, fleet: str = FLEET) -> Iterator[tuple[zenoh.Session,
 
 
 @contextmanager
-def member(folder: Path, name: str, endpoint: str, *, mode: str = "client") -> Iterator[zenoh.Session]:
+def member(folder: Path, name: str, endpoint: str, *, listen: Sequence[str] = ()) -> Iterator[zenoh.Session]:
     """Open a session with a certificate."""
-    listen = {} if mode == "client" else {"listen": [free_endpoint()]}
-    settings = settings_of(folder, name, mode=mode, connect=[endpoint], **listen)
+    settings = settings_of(folder, name, connect=[endpoint], listen=listen)
     with zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings)))) as session:
         yield session
 

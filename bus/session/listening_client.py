@@ -1,0 +1,85 @@
+"""The session of a client to which others connect: it is open, and serves them, while its router is not there.
+
+Zenoh (1.10) opens a client only once a router answers, but then tries for ever to replace a link that is lost. So the
+session's first router is an empty one in the same process, which ends at once.
+"""
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import zenoh
+
+from bus.session.probe import why_not_taken
+from bus.settings import BusSettings
+
+MEMORY: Final = "/dev/shm"  # noqa: S108 - the folder in it has a random name and is its user's alone
+"""A folder that can be written to also where the root file system cannot."""
+
+
+def open_listening_client(config: Callable[[str], Mapping[str, Any]]) -> zenoh.Session:
+    """Open a session and leave it to find its router.
+
+    config: given the endpoint to connect to first, returns Zenoh's configuration.
+
+    Raises:
+        zenoh.ZError: an endpoint to listen on is taken or refused.
+        OSError: no folder can be written to.
+    """
+    with _empty_router() as endpoint:
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config(endpoint))))
+
+
+@contextmanager
+def _empty_router() -> Iterator[str]:
+    """Run a router at a Unix socket that nobody else can reach; yield its endpoint."""
+    folder = MEMORY if os.access(MEMORY, os.W_OK) else None
+    with TemporaryDirectory(prefix="fleetsight-", dir=folder, ignore_cleanup_errors=True) as own:
+        endpoint = f"unixsock-stream/{own}/router"
+        config = {
+            "mode": "router",
+            "listen": {"endpoints": [endpoint]},
+            "scouting": {"delay": 0, "multicast": {"enabled": False}},
+            "transport": {"shared_memory": {"enabled": False}},
+        }
+        with zenoh.open(zenoh.Config.from_json5(json.dumps(config))):
+            yield endpoint
+
+
+CHECKED_S: Final = 15.0
+"""Interval at which a client without a link looks whether a router takes one."""
+
+TAKEN: Final = 2
+"""Links taken in a row after which Zenoh has given up: in between it tries about once a second."""
+
+
+class LostLink:
+    """Notices that Zenoh (1.10) has given up on a lost link, as it does on one that is closed as it comes up.
+
+    due_s: when to look again, by `time.monotonic`; None while there is a link, or none that Zenoh is to replace.
+    """
+
+    def __init__(self, settings: BusSettings) -> None:
+        self._settings = settings
+        self._taken = 0
+        self.due_s: float | None = None
+
+    def begin(self) -> None:
+        """Note that there is no link."""
+        self._taken = 0
+        self.due_s = time.monotonic() + CHECKED_S if self._settings.is_listening_client else None
+
+    def end(self) -> None:
+        """Note that there is a link, or no session."""
+        self.due_s = None
+
+    def is_given_up(self) -> bool:
+        """Return whether routers take links and Zenoh makes none. Blocks for up to two seconds for each endpoint."""
+        taken = any(not why_not_taken(self._settings, endpoint) for endpoint in self._settings.connect)
+        self._taken = self._taken + 1 if taken else 0
+        self.due_s = time.monotonic() + CHECKED_S
+        return self._taken >= TAKEN
