@@ -114,7 +114,7 @@ def test_each_service_of_compose_has_settings_that_its_command_takes(monkeypatch
 def test_every_target_is_told_and_every_folder_that_is_copied_is_there() -> None:
     text = (DEPLOY / "Containerfile").read_text(encoding="utf-8")
     targets = [line.split()[-1] for line in text.splitlines() if line.startswith("FROM base AS")]
-    assert sorted(targets) == sorted([*EXTRAS, "detector"])
+    assert sorted(targets) == sorted([*EXTRAS, "detector", "detector-cpu"])
     for line in text.splitlines():
         if line.startswith("COPY ") and "--from" not in line:
             assert all((DEPLOY.parent / name).exists() for name in line.split()[1:-1])
