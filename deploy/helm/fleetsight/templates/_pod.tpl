@@ -30,7 +30,7 @@ spec:
     - name: {{ .process }}
       image: {{ .root.Values.image.registry }}/fleetsight-{{ .image }}:{{ .root.Values.image.tag | default .root.Chart.AppVersion }}
       imagePullPolicy: {{ .root.Values.image.pullPolicy }}
-      args: [{{ .process }}, --config, /etc/fleetsight/settings.yaml]
+      args: [{{ .process }}, --config, /etc/fleetsight/settings/settings.yaml]
       env:
         - {name: FLEETSIGHT_HEARTBEAT_FILE, value: /tmp/heartbeat}
       {{- if eq .process "monitor" }}
@@ -76,7 +76,7 @@ spec:
       resources:
         {{- toYaml $resources | nindent 8 }}
       volumeMounts:
-        - {name: settings, mountPath: /etc/fleetsight/settings.yaml, subPath: settings.yaml, readOnly: true}
+        - {name: settings, mountPath: /etc/fleetsight/settings, readOnly: true}
         - {name: tmp, mountPath: /tmp}
         {{- if .volume }}
         - {name: {{ .volume }}, mountPath: /var/lib/fleetsight}
