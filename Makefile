@@ -6,8 +6,9 @@ ROBOTS ?= 3
 BENCHMARKS ?=
 REPEAT ?= 1
 JOBS ?= 2
+TAR = tar --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct)
 
-.PHONY: demo test lint types tests again ros postgresql chromium nginx containers screenshots bench fuzz dist clean help
+.PHONY: demo test lint types tests again ros postgresql chromium nginx containers prometheus helm screenshots bench fuzz dist clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -15,7 +16,7 @@ help:  ## list the targets
 demo: .venv/.all  ## run a simulated fleet and watch it (SECONDS=30 stops by itself, ROBOTS=3)
 	@exec $(BIN)/fleetsight demo --robots $(ROBOTS) $(if $(SECONDS),--seconds $(SECONDS))
 
-test: .venv/.test ros postgresql chromium nginx containers lint types tests  ## install what the tests need and run every check
+test: .venv/.test ros postgresql chromium nginx containers prometheus helm lint types tests  ## install what the tests need and run every check
 
 lint:
 	@echo "[check] format, lint"
@@ -49,6 +50,12 @@ nginx:
 containers:
 	@tests/install/containers.sh
 
+prometheus:
+	@tests/install/prometheus.sh
+
+helm: .venv/.test
+	@tests/install/helm.sh $(BIN)/python
+
 screenshots: .venv/.test chromium  ## run the demo and take the pictures that the documentation shows of its page
 	@$(BIN)/python -m tests.integration.page.screenshots
 
@@ -58,11 +65,12 @@ bench: .venv/.bench ros  ## run every benchmark and draw what docs show (BENCHMA
 fuzz: .venv/.test  ## feed a million spoilt inputs to every parser (INPUTS=10000000 for more)
 	@$(BIN)/python -m tests.fuzz --inputs $(or $(INPUTS),1000000)
 
-dist: .venv/.dist  ## make what a release has: wheel, sdist, pins, units, images' files, SBOM, checksums, in dist/
+dist: .venv/.dist  ## make what a release has: wheel, sdist, pins, units, images' files, chart, SBOM, checksums, in dist/
 	@rm -rf dist && mkdir dist
 	@$(BIN)/python -m hatchling build -d dist 2>&1 | sed 's/^/[dist] /'
 	@cp constraints.txt CHANGELOG.md dist/
-	@tar --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct) -czf dist/deploy.tar.gz deploy
+	@$(TAR) -czf dist/deploy.tar.gz deploy
+	@$(TAR) -C deploy/helm -czf dist/fleetsight-$$(sed -n 's/^version: //p' deploy/helm/fleetsight/Chart.yaml).tgz fleetsight
 	@$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --short-PURLs --output-reproducible -o dist/sbom.cdx.json constraints.txt
 	@cd dist && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
 

@@ -150,6 +150,8 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
     remarks: what whoever waits for its results should know, such as which there cannot be, and why.
     classes: names of those that a detector reports when they are in view; empty where nobody says.
     version: of its software, empty where nobody says.
+    busy_s: seconds since it started in which it was at work on frames, None where nobody says. A detector's runs while
+    any frame is in its model, or its tracker makes the model wait.
     """
 
     service: Name
@@ -160,6 +162,7 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
     remarks: Annotated[list[Label], msgspec.Meta(max_length=16)] = []
     classes: Annotated[list[Label], msgspec.Meta(max_length=MAX_CLASSES)] = []
     version: Label = ""
+    busy_s: Annotated[float, msgspec.Meta(ge=0)] | None = None
 
 
 class ClockReading(msgspec.Struct, frozen=True, kw_only=True):

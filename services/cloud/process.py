@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
-from typing import Final
+from typing import Any, Final
 
 from bus import Bus, Publisher, QoS, open_bus
 from bus.sharing.sharing import JOIN_S
@@ -18,7 +18,7 @@ from schemas.objects import ObjectClouds
 from services.cloud.camera import CloudCamera
 from services.cloud.settings import CloudSettings
 from services.geometry.memory_budget import MIB, MemoryBudget
-from services.worker.thread import worker_thread
+from services.worker.thread import TimedExecutor, worker_thread
 from services.worker.worker import ResultStream, Worker, publish_while_wanted
 
 
@@ -63,18 +63,19 @@ class CloudWorker:
     def __init__(self, bus: Bus, settings: CloudSettings, executor: Executor, *, join_s: float = JOIN_S) -> None:
         self._bus = bus
         self._settings = settings
-        self._executor = executor
+        self._executor = TimedExecutor(executor)
         self._sensors = Sensors(settings.points)
         self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
         self._budget = MemoryBudget(settings.memory_mib * MIB)
         tokens = settings.tokens(SERVICE)
-        self._worker = Worker(
-            bus, tokens, Tallies(Tally), self._serve, details=lambda: {"model": METHOD}, join_s=join_s
-        )
+        self._worker = Worker(bus, tokens, Tallies(Tally), self._serve, details=self._details, join_s=join_s)
 
     async def run(self) -> None:
         """Work until cancelled; then hand over and end."""
         await self._worker.run(self._watch(Stream.COLOR), self._watch(Stream.POINTS))
+
+    def _details(self) -> dict[str, Any]:
+        return {"model": METHOD, "busy_s": self._executor.busy_s}
 
     async def _watch(self, stream: Stream) -> None:
         async with self._bus.watch(keys.every_stream_alive(stream)) as watch:

@@ -159,6 +159,7 @@ class DetectorWorker:
             "remarks": [remark[:MAX_LABEL] for remark in remarks],
             "classes": list(self._model.classes[:MAX_CLASSES]),
             "cameras": self._accounts.loads({key: asked.hz for key, asked in self._asked.items()}),
+            "busy_s": self._inference.totals().busy_s,
         }
 
 

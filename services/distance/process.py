@@ -19,7 +19,7 @@ from services.distance.views import Views
 from services.geometry.memory_budget import MIB, MemoryBudget
 from services.geometry.transforms import TransformTree
 from services.worker.stamp_joiner import Joiner
-from services.worker.thread import worker_thread
+from services.worker.thread import TimedExecutor, worker_thread
 from services.worker.worker import ResultStream, Worker, publish_while_wanted
 
 SERVICE: Final = "distance"
@@ -31,9 +31,16 @@ class DistanceWorker:
     def __init__(self, bus: Bus, settings: DistanceSettings, executor: Executor, *, join_s: float = JOIN_S) -> None:
         self._bus = bus
         self._settings = settings
-        self._executor = executor
+        self._executor = TimedExecutor(executor)
         self._budget = MemoryBudget(settings.memory_mib * MIB)
-        self._worker = Worker(bus, settings.tokens(SERVICE), Tallies(DetectionCounts), self._serve, join_s=join_s)
+        self._worker = Worker(
+            bus,
+            settings.tokens(SERVICE),
+            Tallies(DetectionCounts),
+            self._serve,
+            details=lambda: {"busy_s": self._executor.busy_s},
+            join_s=join_s,
+        )
 
     async def run(self) -> None:
         """Work until cancelled; then hand over and end."""

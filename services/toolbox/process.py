@@ -71,6 +71,7 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | s
     loop = asyncio.get_running_loop()
     work = asyncio.ensure_future(main())
     reporting = asyncio.create_task(service_manager.report())
+    beating = asyncio.create_task(service_manager.touch_heartbeat())
     ended_by: signal.Signals | None = None
     signalled_s = 0.0
 
@@ -103,6 +104,7 @@ async def _until_signalled(main: Callable[[], Awaitable[int | None]]) -> int | s
         return code
     finally:
         reporting.cancel()
+        beating.cancel()
         for number, handler in before.items():
             loop.remove_signal_handler(number)
             signal.signal(number, _leave_failed if failed else handler)

@@ -1,16 +1,22 @@
-"""Tells the service manager (systemd) that this process runs, and that its event loop still turns: sd_notify(3)."""
+"""Tells systemd, by sd_notify(3), and others, by a file, that this process runs and that its event loop still turns."""
 
 import asyncio
 import contextlib
+import logging
 import os
 import socket
 from collections.abc import MutableMapping
+from pathlib import Path
 from typing import Final
 
 MICROSECONDS: Final = 1_000_000
 SOCKET: Final = "NOTIFY_SOCKET"
 INTERVAL: Final = "WATCHDOG_USEC"
 WATCHED: Final = "WATCHDOG_PID"
+HEARTBEAT: Final = "FLEETSIGHT_HEARTBEAT_FILE"
+HEARTBEAT_S: Final = 5.0
+
+log = logging.getLogger(__name__)
 
 
 async def report(environment: MutableMapping[str, str] = os.environ) -> None:
@@ -39,3 +45,21 @@ async def report(environment: MutableMapping[str, str] = os.environ) -> None:
                 await asyncio.sleep(interval_s / 2)
         finally:
             say(b"STOPPING=1")
+
+
+async def touch_heartbeat(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Set the time of the file named by FLEETSIGHT_HEARTBEAT_FILE every HEARTBEAT_S seconds, for probes of containers.
+
+    Returns at once where none is named. The variable is removed from the environment, as in `report`.
+    """
+    path = environment.pop(HEARTBEAT, "")
+    while path:
+        _touch(Path(path))
+        await asyncio.sleep(HEARTBEAT_S)
+
+
+def _touch(file: Path) -> None:
+    try:
+        file.touch()
+    except OSError as error:
+        log.warning("%s: %s cannot be written: %s; name a file in a writable folder", HEARTBEAT, file, error.strerror)

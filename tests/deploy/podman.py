@@ -4,7 +4,8 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -68,6 +69,20 @@ class Podman:
     def compose(self, *command: str) -> str:
         """Return the output of podman-compose with the project's file."""
         return self.run("--in-pod", "false", "--file", DEPLOY / "compose.yaml", *command, program=COMPOSE)
+
+    @contextmanager
+    def playing(self, manifests: str, network: str) -> Iterator[None]:
+        """Run the pods of Kubernetes manifests in a network of their own; take them and their volumes away again."""
+        file = self._folder / "manifests.yaml"
+        file.write_text(manifests, encoding="utf-8")
+        self.run("network", "create", network)
+        try:
+            self.run("play", "kube", "--network", network, file)
+            yield
+        finally:
+            self.run("play", "kube", "--down", file)
+            self.run("volume", "prune", "--force")
+            self.run("network", "rm", "--force", "--time=1", network)
 
     def build(self, target: str, wheels: Path) -> str:
         """Make an image of the Containerfile; return its name."""

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.deploy.helm import helm
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -41,13 +43,21 @@ def run(*command: str, folder: Path | None = None) -> str:
 def test_everything_is_there_and_whole(dist: Path) -> None:
     names = {each.name for each in dist.iterdir()}
     assert {"constraints.txt", "CHANGELOG.md", "deploy.tar.gz", "sbom.cdx.json", "SHA256SUMS"} < names
-    assert {each.suffix for each in dist.glob("fleetsight-*")} == {".whl", ".gz"}
+    assert {each.suffix for each in dist.glob("fleetsight-*")} == {".whl", ".gz", ".tgz"}
     run("sha256sum", "--check", "--strict", "SHA256SUMS", folder=dist)
     assert len((dist / "SHA256SUMS").read_text().splitlines()) == len(names) - 1
     with tarfile.open(dist / "deploy.tar.gz") as deploy:
         assert {"deploy/Containerfile", "deploy/compose.yaml", "deploy/fleetsight-gateway.service"} <= set(
             deploy.getnames()
         )
+
+
+@pytest.mark.timeout(600)
+def test_helm_takes_the_chart(dist: Path) -> None:
+    (chart,) = dist.glob("fleetsight-*.tgz")
+    done = helm("template", "site", chart)
+    assert done.returncode == 0, done.stderr
+    assert "name: site-fleetsight-detector" in done.stdout
 
 
 @pytest.mark.timeout(600)

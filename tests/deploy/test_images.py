@@ -1,15 +1,19 @@
-"""The images, made by the Containerfile on Debian's Python, and the fleet of compose.yaml running in them."""
+"""The images, made by the Containerfile on Debian's Python; the fleet of compose.yaml and the chart's pods in them."""
 
 import json
+import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
 
 from services.toolbox.settings import load
+from tests.deploy.helm import NAME, render
+from tests.deploy.kube import playable
 from tests.deploy.machine import make_root, make_wheels, require_containers
 from tests.deploy.podman import PYTHON, Podman
 from tests.deploy.units import DEPLOY, command
@@ -68,17 +72,18 @@ def fleet(podman: Podman) -> Iterator[Podman]:
     podman.compose("down", "--volumes")
 
 
-def eventually(fleet: Podman, name: str, said: str, *options: str) -> None:
+def eventually(podman: Podman, container: str, said: str, *options: str) -> None:
     end = time.monotonic() + DEADLINE_S
-    while said not in fleet.logs(f"deploy_{name}_1", *options):
-        assert time.monotonic() < end, {each: fleet.logs(f"deploy_{each}_1") for each in STARTED}
+    while said not in podman.logs(container, *options):
+        names = podman.run("ps", "--all", "--format={{.Names}}").split()
+        assert time.monotonic() < end, {each: podman.logs(each) for each in names}
         time.sleep(0.5)
 
 
 def test_a_simulated_robot_s_data_reaches_the_centre(fleet: Podman) -> None:
-    eventually(fleet, "monitor", "r1/camera: online")
-    eventually(fleet, "distance", "serving 1 cameras")
-    eventually(fleet, "worldmodel", "serving it")
+    eventually(fleet, "deploy_monitor_1", "r1/camera: online")
+    eventually(fleet, "deploy_distance_1", "serving 1 cameras")
+    eventually(fleet, "deploy_worldmodel_1", "serving it")
     told = fleet.run("exec", "deploy_gateway_1", "fleetsight", "doctor", "--connect", "tcp/monitor:7447")
     assert "r1: its gateway" in told
 
@@ -90,7 +95,7 @@ def test_the_monitor_is_healthy(fleet: Podman) -> None:
 def test_a_process_that_is_killed_keeps_what_it_had(fleet: Podman) -> None:
     fleet.run("kill", "--signal=KILL", "deploy_monitor_1")
     fleet.run("start", "deploy_monitor_1")
-    eventually(fleet, "monitor", "r1/camera: online", "--since=1m")
+    eventually(fleet, "deploy_monitor_1", "r1/camera: online", "--since=1m")
 
 
 def test_all_end_in_order(fleet: Podman) -> None:
@@ -98,6 +103,51 @@ def test_all_end_in_order(fleet: Podman) -> None:
         fleet.run("stop", "--time=10", f"deploy_{name}_1")
         (described,) = json.loads(fleet.run("inspect", f"deploy_{name}_1"))
         assert (name, described["State"]["ExitCode"]) == (name, 0)
+
+
+@pytest.fixture(scope="module")
+def cluster(podman: Podman) -> Iterator[tuple[Podman, list[Mapping[str, Any]]]]:
+    """The chart's pods but the detector's, and beside them a simulated robot with its gateway."""
+    objects = render({"detector": {"enabled": False}, "image": {"tag": "latest"}, "monitor": {"openMetrics": True}})
+    with podman.playing(playable(objects), "cluster"):
+        confined = ["--detach", "--rm", "--pull=never", "--read-only", "--cap-drop=all"]
+        robot = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11311"]
+        podman.run("run", *confined, "--name=robot", "--network=cluster", *robot)
+        gateway = ["localhost/fleetsight-gateway", "gateway", "--robot=r1", f"--connect=tcp/{NAME}-monitor:7447"]
+        podman.run("run", *confined, "--name=gateway", "--network=container:robot", *gateway)
+        yield podman, [each["spec"]["template"]["spec"] for each in objects if "template" in each.get("spec", {})]
+        podman.run("stop", "--time=10", "gateway", "robot")
+
+
+def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
+    cluster: tuple[Podman, list[Mapping[str, Any]]],
+) -> None:
+    podman, pods = cluster
+    eventually(podman, pod("monitor"), "r1/camera: online")
+    eventually(podman, pod("distance"), "serving 1 cameras")
+    eventually(podman, pod("cloud"), "serving 1 cameras")
+    eventually(podman, pod("worldmodel"), "serving it")
+    read = "import urllib.request as web; print(web.urlopen('http://{}-monitor:8080{}', timeout=9).read().decode())"
+    probes = {each["containers"][0]["name"]: each["containers"][0]["livenessProbe"] for each in pods}
+    assert probes.keys() == {"monitor", "distance", "cloud", "worldmodel"}
+    for name, probe in probes.items():
+        if name == "monitor":
+            answer = podman.run("exec", pod("cloud"), "python3", "-c", read.format(NAME, probe["httpGet"]["path"]))
+            assert json.loads(answer)["status"] == "ok"
+        else:
+            podman.run("exec", pod(name), *probe["exec"]["command"])
+            *python, script = probe["exec"]["command"]
+            hung = f"import os; os.utime('/tmp/heartbeat', (0, 0)); {script}"
+            with pytest.raises(AssertionError):
+                podman.run("exec", pod(name), *python, hung)
+    metrics = podman.run("exec", pod("cloud"), "python3", "-c", read.format(NAME, "/metrics"))
+    assert 'fleetsight_robot_online{robot="r1"} 1.0' in metrics
+    assert set(re.findall(r'busy_seconds_total{service="(\w+)"', metrics)) == {"distance", "cloud"}
+
+
+def pod(process: str) -> str:
+    """Return the name of the only container in a pod."""
+    return f"{NAME}-{process}-{process}"
 
 
 def test_each_service_of_compose_has_settings_that_its_command_takes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,7 +164,7 @@ def test_each_service_of_compose_has_settings_that_its_command_takes(monkeypatch
 def test_every_target_is_told_and_every_folder_that_is_copied_is_there() -> None:
     text = (DEPLOY / "Containerfile").read_text(encoding="utf-8")
     targets = [line.split()[-1] for line in text.splitlines() if line.startswith("FROM base AS")]
-    assert sorted(targets) == sorted([*EXTRAS, "detector"])
+    assert sorted(targets) == sorted([*EXTRAS, "detector", "detector-cpu"])
     for line in text.splitlines():
         if line.startswith("COPY ") and "--from" not in line:
             assert all((DEPLOY.parent / name).exists() for name in line.split()[1:-1])

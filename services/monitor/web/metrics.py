@@ -13,6 +13,9 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from schemas.alerts import Severity
+from schemas.keys import Stream
+from schemas.status import BEYOND_USE, GatewayStatus
+from schemas.worker_keys import DETECTOR
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import CameraLine, RobotLine, Snapshot, WorkerLine
 from services.monitor.web.auth.gate import HEALTH, METRICS
@@ -48,6 +51,7 @@ class _MonitorCollector(Collector):
         yield from _of_robots(self._snapshot.robots[:MAX_LABELLED])
         yield from _of_cameras(self._snapshot.cameras[:MAX_LABELLED])
         yield from _of_workers(self._snapshot.workers[:MAX_LABELLED])
+        yield _beyond_use(self._snapshot)
 
 
 def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
@@ -174,6 +178,7 @@ def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:
     online = GaugeMetricFamily("fleetsight_worker_online", "1 while the worker reports.", labels=names)
     info = GaugeMetricFamily("fleetsight_worker_info", "1, and the worker's version.", labels=[*names, "version"])
     serves = GaugeMetricFamily("fleetsight_worker_cameras", "Cameras that the worker serves.", labels=names)
+    busy = CounterMetricFamily("fleetsight_worker_busy_seconds", "Seconds of work on frames.", labels=names)
     inferred = CounterMetricFamily("fleetsight_worker_frames_inferred", "Frames processed.", labels=names)
     dropped = CounterMetricFamily(
         "fleetsight_worker_frames_dropped", "Frames dropped, by reason.", labels=[*names, "reason"]
@@ -183,13 +188,49 @@ def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:
         online.add_metric(labels, worker.online)
         info.add_metric([*labels, worker.status.version], 1)
         serves.add_metric(labels, len(worker.serves))
+        if worker.status.busy_s is not None:
+            busy.add_metric(labels, worker.status.busy_s)
         inferred.add_metric(labels, sum(load.inferred for load in worker.status.cameras))
         reasons = Counter[str]()
         for load in worker.status.cameras:
             reasons.update(load.dropped)
         for reason, count in sorted(reasons.items())[:MAX_REASONS]:
             dropped.add_metric([*labels, reason], count)
-    yield from (online, info, serves, inferred, dropped)
+    yield from (online, info, serves, busy, inferred, dropped)
+
+
+def _beyond_use(snapshot: Snapshot) -> Metric:
+    """Count the frames that gateways left out because detectors asked for fewer.
+
+    A camera has a series while a detector limits its rate: what is left out because only a second opinion wants the
+    camera, which asks for few frames however much time it has, is no demand.
+    """
+    names = ["robot", "camera"]
+    left_out = CounterMetricFamily(
+        "fleetsight_camera_frames_beyond_use", "Frames left out because detectors asked for fewer.", labels=names
+    )
+    gateways = {robot.name: robot.gateway for robot in snapshot.robots}
+    limited = sorted(
+        {
+            (load.robot, load.camera)
+            for worker in snapshot.workers
+            if worker.status.service == DETECTOR
+            for load in worker.serves
+            if load.budget_hz is not None
+        }
+    )
+    for robot, camera in limited[:MAX_LABELLED]:
+        left_out.add_metric([robot, camera], _left_out(gateways.get(robot), camera))
+    return left_out
+
+
+def _left_out(gateway: GatewayStatus | None, camera: str) -> int:
+    streams = () if gateway is None else gateway.streams
+    return sum(
+        stream.dropped.get(BEYOND_USE, 0)
+        for stream in streams
+        if stream.camera == camera and stream.stream == Stream.COLOR
+    )
 
 
 def _over(snapshot: Snapshot) -> int:

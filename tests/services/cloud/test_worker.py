@@ -121,6 +121,19 @@ async def test_it_says_its_version(rig: Rig) -> None:
         assert (await receive(statuses, WorkerStatus)).version == VERSION
 
 
+async def test_it_says_how_long_it_was_at_work(rig: Rig) -> None:
+    front = await rig.camera(FRONT, Stream.COLOR, Stream.POINTS, Stream.DETECTIONS)
+    async with rig.bus.subscribe(worker_keys.worker_status(SERVICE, "w1"), QUEUE(9)) as statuses:
+        assert (await receive(statuses, WorkerStatus)).busy_s == 0
+        async with rig.bus.subscribe(FRONT.stream(Stream.OBJECTS), QUEUE(9)) as objects:
+            await until(lambda: front[Stream.POINTS].wanted and front[Stream.DETECTIONS].wanted)
+            front[Stream.POINTS].put(codec.encode(registered(3)))
+            front[Stream.DETECTIONS].put(codec.encode(found(3)))
+            await receive(objects, ObjectClouds)
+        while not (await receive(statuses, WorkerStatus)).busy_s:
+            pass
+
+
 async def test_nobody_wants_objects_so_nothing_is_asked_of_detector_or_gateway(rig: Rig) -> None:
     front = await rig.camera(FRONT, Stream.COLOR, Stream.POINTS, Stream.DETECTIONS)
     await asyncio.sleep(0.1)

@@ -60,6 +60,7 @@ async def loads_after(statuses: Subscription, *, inferred: int) -> dict[str, Cam
     while True:
         status = await receive(statuses, WorkerStatus)
         if sum(load.inferred for load in status.cameras) >= inferred:
+            assert status.busy_s
             return {load.camera: load for load in status.cameras}
 
 

@@ -101,6 +101,16 @@ async def test_a_listener_gets_distances_and_places(rig: Rig) -> None:
     assert of_map == pytest.approx((camera[0] + 2.0, *camera[1:]))
 
 
+async def test_it_says_how_long_it_was_at_work(rig: Rig) -> None:
+    async with rig.bus.subscribe(worker_keys.worker_status("distance", "w1"), QUEUE(9)) as statuses:
+        assert (await receive(statuses, WorkerStatus)).busy_s == 0
+        async with rig.wanted() as distances:
+            rig.frame(5)
+            await receive(distances, Distances)
+        while not (await receive(statuses, WorkerStatus)).busy_s:
+            pass
+
+
 async def test_who_wants_views_alone_gets_them_and_not_more_than_are_due(rig: Rig) -> None:
     async with rig.bus.subscribe(FRONT.stream(Stream.VIEW), QUEUE(99)) as views:
         await rig.robot.until_wanted()

@@ -5,6 +5,7 @@ import socket
 import subprocess
 import sys
 import textwrap
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -91,3 +92,30 @@ def test_a_watchdog_of_another_process_hears_nothing(manager: Manager) -> None:
         with pytest.raises(TimeoutError):
             manager.next(3 * INTERVAL_S)
         child.terminate()
+
+
+def test_a_file_is_touched_again_and_again_while_the_event_loop_turns(tmp_path: Path) -> None:
+    heartbeat = tmp_path / "heartbeat"
+    script = textwrap.dedent(RUNNING).replace("process\n", "process, service_manager as it; it.HEARTBEAT_S = 0.05\n", 1)
+    environment = {**os.environ, "FLEETSIGHT_HEARTBEAT_FILE": str(heartbeat)}
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=environment) as child:
+        assert child.stdout is not None
+        child.stdout.readline()
+        os.utime(heartbeat, (0, 0))
+        while not heartbeat.stat().st_mtime:
+            assert child.poll() is None
+            time.sleep(0.01)
+        child.terminate()
+        assert child.wait(20) == 0
+
+
+def test_a_file_that_cannot_be_touched_is_named(tmp_path: Path) -> None:
+    environment = {**os.environ, "FLEETSIGHT_HEARTBEAT_FILE": str(tmp_path / "missing" / "heartbeat")}
+    command = [sys.executable, "-c", textwrap.dedent(RUNNING)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as child:
+        assert child.stdout is not None
+        child.stdout.readline()
+        child.terminate()
+        _, said = child.communicate(timeout=20)
+    assert "heartbeat cannot be written: No such file or directory; name a file in a writable folder" in said
+    assert child.returncode == 0

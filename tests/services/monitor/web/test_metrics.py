@@ -5,12 +5,14 @@ import time
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from bus import BusSettings, open_bus
 from bus.fake import FakeNetwork
 from bus.session.link_use import LinkUse
+from schemas.status import BEYOND_USE, THINNED, CameraLoad, StreamStatus, WorkerStatus
 from services.monitor.alerting.webhooks import Outcome
 from services.monitor.liveness import STALLED_S
 from services.monitor.web.metrics import MAX_LABELLED, metrics_of
@@ -110,6 +112,45 @@ async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: W
         assert found["fleetsight_webhook_alerts_total", "dropped", ODD] == 6
         assert found["fleetsight_worker_frames_inferred_total", "detector", "w1"] == 5
         assert found["fleetsight_worker_frames_dropped_total", "late", "detector", "w1"] == 2
+        assert found["fleetsight_worker_busy_seconds_total", "detector", "w1"] == 1.5
+        assert found["fleetsight_camera_frames_beyond_use_total", "front", "r1"] == 0
+
+
+@pytest.mark.parametrize(
+    ("service", "budget_hz", "said"), [("detector", 2.5, [30.0]), ("detector", None, []), ("opinion", 2.0, [])]
+)
+async def test_frames_left_out_for_detectors_that_cannot_keep_up_are_demand(
+    service: str, budget_hz: float | None, said: list[float]
+) -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor, now_ns = monitor_on(bus), time.time_ns()
+        fill(monitor.fleet)
+        streams = [
+            StreamStatus(
+                camera=camera,
+                stream=stream,
+                topic="t",
+                wanted=True,
+                publishers=1,
+                received=99,
+                forwarded=9,
+                dropped={BEYOND_USE: left_out, THINNED: 7},
+            )
+            for camera, stream, left_out in (("front", "color", 30), ("front", "depth", 5), ("rear", "color", 8))
+        ]
+        monitor.fleet.gateway_status(msgspec.structs.replace(monitor.fleet.gateways["r1"], streams=streams), now_ns)
+        load = CameraLoad(robot="r1", camera="front", inferred=5, serving=True, budget_hz=budget_hz)
+        del monitor.fleet.workers["detector", "w1"]
+        worker = WorkerStatus(service=service, worker="w1", model="", sent_ns=now_ns, cameras=[load])
+        monitor.fleet.worker_status(worker, now_ns)
+        text = (await metrics_of(monitor)).decode()
+    (left_out,) = (
+        family
+        for family in text_string_to_metric_families(text)
+        if family.name == "fleetsight_camera_frames_beyond_use"
+    )
+    assert [sample.value for sample in left_out.samples] == said
+    assert not re.search(r"^fleetsight_worker_busy_seconds_total", text, re.MULTILINE), "it does not say"
 
 
 async def test_the_page_of_the_monitor_names_every_metric(web: Web) -> None:

@@ -34,9 +34,16 @@ def fill(fleet: Fleet) -> None:
         version=ODD,
     )
     fleet.gateway_status(gateway, now_ns)
-    load = CameraLoad(robot="r1", camera="front", inferred=5, dropped={"late": 2}, serving=True)
+    load = CameraLoad(robot="r1", camera="front", inferred=5, dropped={"late": 2}, serving=True, budget_hz=2.5)
     worker = WorkerStatus(
-        service="detector", worker="w1", model=ODD, sent_ns=now_ns, cameras=[load], remarks=[ODD], version="0.9"
+        service="detector",
+        worker="w1",
+        model=ODD,
+        sent_ns=now_ns,
+        cameras=[load],
+        remarks=[ODD],
+        version="0.9",
+        busy_s=1.5,
     )
     fleet.worker_status(worker, now_ns)
     see(fleet, 0, 2)

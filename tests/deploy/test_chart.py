@@ -1,0 +1,232 @@
+"""The Helm chart: what real Helm and Kubernetes' own schemas say of it, and what it refuses."""
+
+import json
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import kubernetes_validate
+import pytest
+import yaml
+
+from services.toolbox.settings import load
+from tests.deploy.helm import CHART, NAME, Values, find, helm, refusal, render
+from tests.deploy.units import DEPLOY, command
+
+KUBERNETES = ("1.35", "1.36", "1.37")
+CUSTOM = {"ScaledObject", "ServiceMonitor", "PrometheusRule"}
+"""Kinds that are not Kubernetes' own."""
+
+CERTIFICATES = {"monitor": "central", "detector": "gpu1", "space": "space1", "worldmodel": "world1", "access": "rules"}
+SETS: dict[str, Values] = {
+    "defaults": {},
+    "GPU": {
+        "detector": {
+            "gpus": 2,
+            "models": "weights",
+            "settings": {"model": "/models/my-seg.pt"},
+            "nodeSelector": {"gpu": "yes"},
+            "tolerations": [{"key": "nvidia.com/gpu", "operator": "Exists"}],
+        }
+    },
+    "PostgreSQL": {
+        "monitor": {"history": {"secret": "database"}, "files": "site", "settings": {"rules": "rules.yaml"}}
+    },
+    "certificates": {"tls": CERTIFICATES, "monitor": {"robots": {"type": "NodePort", "nodePort": 30447}}},
+    "autoscaling": {
+        "detector": {"autoscaling": {"enabled": True}},
+        "monitor": {"openMetrics": True},
+        "serviceMonitor": {"enabled": True, "labels": {"release": "prometheus"}},
+        "prometheusRule": {"enabled": True},
+        "image": {"pullSecrets": ["registry"]},
+    },
+    "monitor alone": {name: {"enabled": False} for name in ("detector", "distance", "cloud", "worldmodel")},
+}
+
+
+@pytest.fixture(scope="module")
+def rendered() -> dict[str, list[dict[str, Any]]]:
+    return {name: render(values) for name, values in SETS.items()}
+
+
+def test_helm_has_nothing_to_say_against_it() -> None:
+    done = helm("lint", "--strict", CHART)
+    assert done.returncode == 0, done.stdout
+    assert re.findall(r"\[(?:WARNING|ERROR)\].*", done.stdout) == []
+
+
+@pytest.mark.parametrize("version", KUBERNETES)
+def test_kubernetes_takes_it(rendered: dict[str, list[dict[str, Any]]], version: str) -> None:
+    different = {yaml.safe_dump(each): each for objects in rendered.values() for each in objects}
+    for each in different.values():
+        if each["kind"] not in CUSTOM:
+            try:
+                kubernetes_validate.validate(each, version, strict=True)
+            except kubernetes_validate.ValidationError as error:
+                pytest.fail(f"{each['kind']} {each['metadata']['name']}: {list(error.path)} {error.message}")
+
+
+def test_kubernetes_would_refuse_a_misspelt_field(rendered: dict[str, list[dict[str, Any]]]) -> None:
+    deployment = json.loads(json.dumps(find(rendered["defaults"], "Deployment", "detector")))
+    deployment["spec"]["template"]["spec"]["containers"][0]["livenesProbe"] = {}
+    with pytest.raises(kubernetes_validate.ValidationError, match="livenesProbe"):
+        kubernetes_validate.validate(deployment, KUBERNETES[-1], strict=True)
+
+
+def pods(objects: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    for each in objects:
+        if each["kind"] in {"Deployment", "StatefulSet"}:
+            yield each["spec"]["template"]["spec"]
+
+
+def test_no_pod_has_rights_or_unbounded_memory(rendered: dict[str, list[dict[str, Any]]]) -> None:
+    found = [pod for objects in rendered.values() for pod in pods(objects)]
+    assert len(found) == 5 * (len(SETS) - 1) + 1
+    for pod in found:
+        assert (pod["securityContext"]["runAsNonRoot"], pod["automountServiceAccountToken"]) == (True, False)
+        (container,) = pod["containers"]
+        confined = {
+            "allowPrivilegeEscalation": False,
+            "readOnlyRootFilesystem": True,
+            "capabilities": {"drop": ["ALL"]},
+        }
+        assert container["securityContext"] == confined
+        assert container["resources"]["limits"]["memory"]
+        assert container["resources"]["requests"].keys() == {"cpu", "memory"}
+        assert "livenessProbe" in container
+
+
+def settings_of(objects: list[dict[str, Any]]) -> dict[str, str]:
+    return {
+        each["metadata"]["name"].removeprefix(f"{NAME}-"): each["data"]["settings.yaml"]
+        for each in objects
+        if each["kind"] == "ConfigMap"
+    }
+
+
+@pytest.mark.parametrize("name", ["defaults", "autoscaling", "monitor alone"])
+def test_its_settings_are_those_of_the_commands(
+    rendered: dict[str, list[dict[str, Any]]], name: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "settings.yaml"
+    for process, text in settings_of(rendered[name]).items():
+        file.write_text(text, encoding="utf-8")
+        load(command(process).load_settings(), ["--config", str(file)], prog="fleetsight")
+
+
+def test_images_are_targets_of_the_container_file(rendered: dict[str, list[dict[str, Any]]]) -> None:
+    images = {pod["containers"][0]["image"] for objects in rendered.values() for pod in pods(objects)}
+    version = tomllib.loads((DEPLOY.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    targets = re.findall(
+        r"^FROM \S+ AS ([a-z-]+)$", (DEPLOY / "Containerfile").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    for image in images:
+        assert (match := re.fullmatch(rf"localhost/fleetsight-([a-z-]+):{re.escape(version)}", image)), image
+        assert match[1] in targets
+    assert len(images) == 4
+    assert yaml.safe_load((CHART / "Chart.yaml").read_text(encoding="utf-8"))["version"] == version
+
+
+def test_a_detector_gets_its_gpus_and_weights(rendered: dict[str, list[dict[str, Any]]]) -> None:
+    pod = find(rendered["GPU"], "Deployment", "detector")["spec"]["template"]["spec"]
+    (container,) = pod["containers"]
+    assert container["resources"]["limits"] == {"memory": "4Gi", "nvidia.com/gpu": 2}
+    assert "/fleetsight-detector:" in container["image"]
+    assert {"name": "models", "persistentVolumeClaim": {"claimName": "weights", "readOnly": True}} in pod["volumes"]
+    assert yaml.safe_load(settings_of(rendered["GPU"])["detector"])["model"] == "/models/my-seg.pt"
+
+
+def test_a_history_in_postgresql_needs_no_volume(rendered: dict[str, list[dict[str, Any]]]) -> None:
+    kept = find(rendered["defaults"], "StatefulSet", "monitor")["spec"]
+    assert [each["metadata"]["name"] for each in kept["volumeClaimTemplates"]] == ["history"]
+    shared = find(rendered["PostgreSQL"], "StatefulSet", "monitor")["spec"]
+    assert "volumeClaimTemplates" not in shared
+    url = {"name": "FLEETSIGHT_HISTORY", "valueFrom": {"secretKeyRef": {"name": "database", "key": "url"}}}
+    assert url in shared["template"]["spec"]["containers"][0]["env"]
+
+
+def test_with_certificates_every_link_has_one(rendered: dict[str, list[dict[str, Any]]]) -> None:
+    settings = {name: yaml.safe_load(text) for name, text in settings_of(rendered["certificates"]).items()}
+    assert settings["monitor"]["listen"] == ["tls/0.0.0.0:7447"]
+    assert settings["monitor"]["access"] == "/etc/fleetsight/access/access.json"
+    assert "insecure" not in settings["monitor"]
+    assert {name: each["tls"].rpartition("/")[2] for name, each in settings.items()} == {
+        **{name: name_of for name, name_of in CERTIFICATES.items() if name in settings},
+        "distance": "space1",
+        "cloud": "space1",
+    }
+    for name in settings.keys() - {"monitor"}:
+        assert settings[name]["connect"] == [f"tls/{NAME}-monitor:7447"]
+    for pod in pods(rendered["certificates"]):
+        (secret,) = (each["secret"] for each in pod["volumes"] if "secret" in each)
+        assert secret["defaultMode"] == 0o440  # a process ends if everybody may read its key
+        assert {each["path"] for each in secret["items"]} == {
+            "ca.pem",
+            f"{secret['secretName']}.pem",
+            f"{secret['secretName']}.key",
+        }
+
+
+def test_a_number_of_workers_is_set_by_the_chart_or_by_the_scaler(rendered: dict[str, list[dict[str, Any]]]) -> None:
+    assert find(rendered["defaults"], "Deployment", "detector")["spec"]["replicas"] == 1
+    assert "replicas" not in find(rendered["autoscaling"], "Deployment", "detector")["spec"]
+    scaled = find(rendered["autoscaling"], "ScaledObject", "detector")["spec"]
+    assert scaled["scaleTargetRef"] == {"name": f"{NAME}-detector"}
+
+
+def test_every_selector_finds_pods(rendered: dict[str, list[dict[str, Any]]]) -> None:
+    for objects in rendered.values():
+        templates = [each["spec"]["template"] for each in objects if each["kind"] in {"Deployment", "StatefulSet"}]
+        labels = [template["metadata"]["labels"].items() for template in templates]
+        for each in objects:
+            selector = each["spec"].get("selector") or each["spec"].get("podSelector") if "spec" in each else None
+            if selector and each["kind"] != "ServiceMonitor":
+                wanted = selector if each["kind"] == "Service" else selector["matchLabels"]
+                assert any(wanted.items() <= found for found in labels), each
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"detector": {"replicas": "many"}}, "at '/detector/replicas': got string, want integer"),
+        ({"detectors": {"replicas": 2}}, "additional properties 'detectors' not allowed"),
+        ({"detector": {"gpu": 1}}, "at '/detector': additional properties 'gpu' not allowed"),
+        ({"detector": {"autoscaling": {"minReplicas": 0}}}, "minReplicas': minimum: got 0, want 1"),
+        ({"detector": {"autoscaling": {"targetLoad": 70}}}, "targetLoad': maximum: got 70, want 1"),
+        ({"monitor": {"history": {"size": 10}}}, "at '/monitor/history/size': got number, want string"),
+        ({"monitor": {"robots": {"type": "Loadbalancer"}}}, "at '/monitor/robots/type': value must be one of"),
+        (
+            {"networkPolicy": {"robots": ["10.0.0.1"]}},
+            "at '/networkPolicy/robots/0': '10.0.0.1' does not match pattern",
+        ),
+        ({"tls": {"monitor": "central"}}, "with tls.monitor set, name the certificate and secret of"),
+        ({"tls": {**CERTIFICATES, "access": ""}}, "tls.access: name the ConfigMap with access.json"),
+        ({"serviceMonitor": {"enabled": True}}, "/metrics wants a token; name its secret (serviceMonitor.tokenSecret)"),
+        (
+            {"detector": {"autoscaling": {"enabled": True, "minReplicas": 9}}},
+            "detector.autoscaling: minReplicas is more than maxReplicas",
+        ),
+    ],
+)
+def test_wrong_values_are_refused_by_name(values: Values, said: str) -> None:
+    assert said in refusal(values)
+
+
+def test_every_value_has_a_schema() -> None:
+    schema = json.loads((CHART / "values.schema.json").read_text(encoding="utf-8"))
+
+    def check(value: object, known: dict[str, Any], path: str) -> None:
+        if isinstance(value, dict) and "properties" in known:
+            assert value.keys() == known["properties"].keys() - {"global"}, path
+            for name, inner in value.items():
+                check(inner, known["properties"][name], f"{path}.{name}")
+
+    check(yaml.safe_load((CHART / "values.yaml").read_text(encoding="utf-8")), schema, "")
+
+
+def test_no_template_is_long() -> None:
+    templates = list((CHART / "templates").iterdir())
+    assert len(templates) <= 12
+    assert all(len(each.read_text(encoding="utf-8").splitlines()) < 150 for each in templates)

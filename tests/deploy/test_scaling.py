@@ -1,0 +1,244 @@
+"""Detectors follow a simulated load: the monitor's own metrics, the chart's query, Prometheus' own evaluation."""
+
+import random
+import re
+import time
+from collections import Counter
+from collections.abc import AsyncIterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from bus import Bus
+from bus.fake import FakeNetwork
+from schemas.keys import CameraKey
+from schemas.status import BEYOND_USE, CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
+from services.detector.frame_counts import REPLACED, STALE, TOO_MANY
+from services.monitor.liveness import STALLED_S
+from services.monitor.monitor import Monitor
+from services.monitor.web.metrics import metrics_of
+from tests.deploy.helm import CHART, NAME, find, render
+from tests.deploy.prometheus import SCRAPE_S, Scaler, Series, check_rules
+from tests.services.monitor.web.serving import monitor_on
+
+CAMERAS = [f"c{number}" for number in range(24)]
+CALL_S = 0.05
+"""What a worker needs for a frame."""
+
+START_S = 45
+"""Until a new pod has its model loaded and its cameras."""
+
+RULES = CHART / "files" / "rules.yaml"
+
+
+@pytest.fixture(scope="module")
+def scaled() -> dict[str, Any]:
+    spec = find(render({"detector": {"autoscaling": {"enabled": True}}}), "ScaledObject", "detector")["spec"]
+    assert isinstance(spec, dict)
+    return spec
+
+
+@pytest.fixture(scope="module")
+def query(scaled: dict[str, Any]) -> str:
+    return str(scaled["triggers"][0]["metadata"]["query"])
+
+
+@pytest.fixture
+async def bus() -> AsyncIterator[Bus]:
+    async with FakeNetwork().open_bus() as made:
+        yield made
+
+
+class Site:
+    """Cameras of a robot and detectors that share them; those that have too little time throttle their gateway."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.monitors = [monitor_on(bus), monitor_on(bus)]
+        self._left_out = Counter[str]()
+        self._done = Counter[tuple[str, str]]()
+        self._lost = Counter[tuple[str, str]]()
+        self._busy_s = Counter[str]()
+        for monitor in self.monitors:
+            monitor.fleet.robot_presence("r1", alive=True)
+            for camera in CAMERAS:
+                monitor.fleet.camera_presence(CameraKey("r1", camera), alive=True)
+
+    def pass_time(self, wanted_hz: float, workers: Sequence[str]) -> None:
+        """Let SCRAPE_S pass in which cameras have so many frames a second, all together."""
+        each = wanted_hz * SCRAPE_S / len(CAMERAS)
+        share = [CAMERAS[number :: len(workers)] for number in range(len(workers))]
+        limited = []
+        for worker, cameras in zip(workers, share, strict=True):
+            possible = SCRAPE_S / CALL_S / len(cameras)
+            done = min(each, possible)
+            lost = min(each - done, done * 0.05)
+            self._busy_s[worker] += done * len(cameras) * CALL_S  # type: ignore[assignment]
+            for camera in cameras:
+                self._done[worker, camera] += round(done)
+                self._lost[worker, camera] += round(lost)
+                self._left_out[camera] += round(each - done - lost)
+            limited += cameras if each > possible else []
+        self._report(dict(zip(workers, share, strict=True)), limited)
+
+    def _report(self, share: dict[str, list[str]], limited: Sequence[str]) -> None:
+        now_ns = time.time_ns()
+        streams = [
+            StreamStatus(
+                camera=camera,
+                stream="color",
+                topic="t",
+                wanted=True,
+                publishers=1,
+                received=0,
+                forwarded=0,
+                dropped={BEYOND_USE: self._left_out[camera]},
+            )
+            for camera in CAMERAS
+        ]
+        gateway = GatewayStatus(robot="r1", boot_id="b", clock_id="c", sent_ns=now_ns, streams=streams)
+        for monitor in self.monitors:
+            monitor.health._heard_s = time.monotonic()
+            monitor.fleet.gateway_status(gateway, now_ns)
+        for worker, busy_s in self._busy_s.items():
+            serves = share.get(worker, ())
+            loads = [
+                CameraLoad(
+                    robot="r1",
+                    camera=camera,
+                    inferred=done,
+                    dropped={REPLACED: self._lost[name, camera]},
+                    serving=camera in serves,
+                    budget_hz=1.0 if camera in limited and camera in serves else None,
+                )
+                for (name, camera), done in self._done.items()
+                if name == worker
+            ]
+            status = WorkerStatus(
+                service="detector", worker=worker, model="", sent_ns=now_ns, cameras=loads, busy_s=busy_s
+            )
+            for monitor in self.monitors:
+                monitor.fleet.worker_status(status, now_ns)
+
+    async def text(self, monitor: int = 0) -> str:
+        """Return what a monitor's /metrics says."""
+        return (await metrics_of(self.monitors[monitor])).decode()
+
+
+@pytest.fixture
+def site(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> Site:
+    monkeypatch.setattr("services.monitor.monitor.MAX_AGE_S", -1.0)  # a minute here takes milliseconds
+    return Site(bus)
+
+
+async def test_one_worker_becomes_six_and_one_again_and_none_flaps(
+    site: Site, scaled: dict[str, Any], query: str, tmp_path: Path
+) -> None:
+    noise = random.Random(1)  # noqa: S311 - the same numbers each time
+    series, scaler = Series(tmp_path), Scaler(scaled)
+    pods = [("w0", 0.0)]
+    history = []
+    for step in range(110):
+        now_s = step * SCRAPE_S
+        busy = 10 <= step < 60
+        wanted_hz = (80 if busy else 10) * noise.uniform(0.85, 1.15)
+        site.pass_time(wanted_hz, [name for name, ready_s in pods if ready_s <= now_s])
+        series.scrape(await site.text())
+        if step % 2:
+            continue
+        wished = scaler.decide(series.value(query), len(pods), now_s)
+        pods = [*pods[:wished], *((f"w{step}-{number}", now_s + START_S) for number in range(wished - len(pods)))]
+        history.append((busy, wished))
+    counts = [count for _, count in history]
+    changes = [count for before, count in zip([0, *counts], counts, strict=False) if count != before]
+    top = changes.index(6)
+    assert changes == [*sorted(changes[: top + 1]), *sorted(changes[top + 1 :], reverse=True)], history
+    assert (changes[0], max(changes), changes[-1]) == (1, 6, 1)
+    assert len(set(changes[: top + 1])) == top + 1
+    assert [count for busy, count in history if busy][-10:] == [6] * 10
+
+
+async def test_what_gateways_left_out_is_most_of_the_demand(site: Site, query: str, tmp_path: Path) -> None:
+    series, blind = Series(tmp_path), Series(tmp_path)
+    for _ in range(12):
+        site.pass_time(80, ["w0"])
+        text = await site.text()
+        series.scrape(text)
+        blind.scrape("\n".join(line for line in text.splitlines() if "beyond_use" not in line) + "\n")
+    load, seen_by_drops_alone = series.value(query), blind.value(query)
+    assert load == pytest.approx(4, rel=0.05)
+    assert seen_by_drops_alone == pytest.approx(1.05, rel=0.05)
+
+
+async def test_the_load_does_not_depend_on_how_many_share_it(site: Site, query: str, tmp_path: Path) -> None:
+    loads = []
+    for workers in (["a"], ["b0", "b1", "b2"], [f"c{number}" for number in range(6)]):
+        series = Series(tmp_path)
+        for _ in range(12):
+            site.pass_time(80, workers)
+            series.scrape(await site.text())
+        loads.append(series.value(query))
+    assert loads == pytest.approx([4, 4, 4], rel=0.05)
+
+
+async def test_two_monitors_do_not_double_the_load(site: Site, query: str, tmp_path: Path) -> None:
+    series = Series(tmp_path)
+    for _ in range(12):
+        site.pass_time(80, ["w0", "w1"])
+        series.scrape(await site.text(0), 'instance="m0"')
+        series.add(await site.text(1), 'instance="m1"')
+    assert series.value(query) == pytest.approx(4, rel=0.05)
+
+
+async def test_a_fleet_at_rest_has_no_load(site: Site, query: str, tmp_path: Path) -> None:
+    series = Series(tmp_path)
+    for _ in range(12):
+        site.pass_time(0, ["w0"])
+        series.scrape(await site.text())
+    assert series.value(query) == 0
+
+
+async def test_no_load_is_told_while_nobody_knows_it(site: Site, query: str, tmp_path: Path) -> None:
+    series = Series(tmp_path)
+    site.pass_time(80, ["w0"])
+    text = await site.text()
+    for number in range(12):
+        monitor: Monitor = site.monitors[0]
+        if number == 8:
+            monitor.health._heard_s -= 2 * STALLED_S
+        series.scrape(await site.text())
+    assert series.value(query) is None, "a monitor that hears nothing"
+    assert "fleetsight_mesh_up 1.0" in text
+    gone = Series(tmp_path)
+    for _ in range(12):
+        gone.scrape("up 0\n")
+    assert gone.value(query) is None, "no monitor"
+
+
+async def test_fleets_are_told_apart_by_the_labels_of_the_chart(site: Site, tmp_path: Path) -> None:
+    values = {"detector": {"autoscaling": {"enabled": True, "matchers": 'namespace="north"'}}}
+    scaled = find(render(values), "ScaledObject", "detector")["spec"]
+    series = Series(tmp_path)
+    for _ in range(12):
+        site.pass_time(80, ["w0"])
+        series.scrape(await site.text(), 'namespace="south"')
+    assert series.value(scaled["triggers"][0]["metadata"]["query"]) is None
+
+
+def test_the_rules_are_prometheus_own_and_the_query_is_one_of_them(query: str) -> None:
+    assert "7 rules found" in check_rules(RULES)
+    groups = yaml.safe_load(RULES.read_text(encoding="utf-8"))["groups"]
+    assert groups[0]["rules"][0]["expr"].strip() == query.strip()
+    (rule,) = (each for each in render({"prometheusRule": {"enabled": True}}) if each["kind"] == "PrometheusRule")
+    assert (rule["metadata"]["name"], rule["spec"]["groups"]) == (f"{NAME}-monitor", groups)
+
+
+async def test_the_rules_name_what_there_is(site: Site) -> None:
+    site.pass_time(80, ["w0"])
+    there = set(re.findall(r"^(fleetsight_\w+)", await site.text(), re.MULTILINE))
+    named = set(re.findall(r"(fleetsight_\w+)\{", RULES.read_text(encoding="utf-8")))
+    assert named <= there
+    assert {"fleetsight_camera_frames_beyond_use_total", "fleetsight_worker_busy_seconds_total"} <= named
+    (reasons,) = set(re.findall(r'reason=~"([^"]+)"', RULES.read_text(encoding="utf-8")))
+    assert set(reasons.split("|")) == {REPLACED, STALE} == set(TOO_MANY)
