@@ -172,7 +172,7 @@ class Monitor:
         not_kept = status.problem and f"history is not being kept: {status.problem}"
         found = (not_kept, *status.warnings, self.rules.problem, self.bus.links.problem, self.open_to_all)
         own = [*(problem for problem in found if problem), *self.fleet.world.problems()]
-        return [*own, *self.alerting.problems()]
+        return [*own, *self.fleet.inventory.room.problems(), *self.alerting.problems()]
 
     def rule_remarks(self) -> list[str]:
         """Return remarks about classes and robots in the rules that do not exist, or did not recently."""

@@ -27,7 +27,7 @@ from services.monitor.history.archive import Archive
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import HistoryError, OtherVersionError
-from services.monitor.inventory.inventory import InventoryFullError
+from services.monitor.inventory.room import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.join_address import how_to_join
 from services.monitor.liveness import Heartbeat

@@ -27,14 +27,25 @@ _NAME: Final = attrgetter("name")
 class CameraView:
     """One camera's sightings. The first model heard is primary until it has been silent for a while.
 
-    views: by model, those that may be primary. opinions: by model, those that never are. vocabularies: read when models
-    are compared.
+    number: grows with each camera of an inventory. views: by model, those that may be primary. opinions: those that
+    never are. vocabularies: read when models are compared.
     """
 
-    __slots__ = ("_distance_order", "_opined_ns", "_vocabularies", "key", "lost", "opinions", "primary", "views")
+    __slots__ = (
+        "_distance_order",
+        "_opined_ns",
+        "_vocabularies",
+        "key",
+        "lost",
+        "number",
+        "opinions",
+        "primary",
+        "views",
+    )
 
-    def __init__(self, key: CameraKey, vocabularies: Vocabularies | None = None) -> None:
+    def __init__(self, key: CameraKey, vocabularies: Vocabularies | None = None, number: int = 0) -> None:
         self.key = key
+        self.number = number
         self._vocabularies = {} if vocabularies is None else vocabularies
         self.views: dict[str, ModelView] = {}
         self.opinions: dict[str, ModelView] = {}

@@ -13,6 +13,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from schemas.alerts import Severity
+from services.monitor.inventory.room import MAX_MEMBERS
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import CameraLine, RobotLine, Snapshot, WorkerLine
 from services.monitor.web.auth.gate import HEALTH, METRICS
@@ -55,6 +56,11 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     yield GaugeMetricFamily("fleetsight_robots", "Robots ever heard of and not forgotten.", len(snapshot.robots))
     yield GaugeMetricFamily("fleetsight_robots_online", "Robots online.", sum(each.online for each in snapshot.robots))
     yield GaugeMetricFamily("fleetsight_cameras", "Cameras of these robots.", len(snapshot.cameras))
+    room = monitor.fleet.inventory.room
+    yield GaugeMetricFamily("fleetsight_cameras_limit", "Maximum number of cameras followed.", MAX_MEMBERS)
+    yield CounterMetricFamily(
+        "fleetsight_cameras_made_room", "Absent cameras forgotten, as there were more names than the limit.", room.made
+    )
     yield GaugeMetricFamily(
         "fleetsight_unlabelled", "Robots, cameras and workers over the limit, without series.", _over(snapshot)
     )

@@ -1,6 +1,6 @@
 import pytest
 
-from services.monitor.fleet import KNOWN_ACCOUNTS, MOST_PROCESSES, DuplicateGateways
+from services.monitor.duplicate_gateways import KNOWN_ACCOUNTS, MOST_PROCESSES, DuplicateGateways
 
 
 def heard(processes: str) -> bool:
