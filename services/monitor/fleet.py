@@ -22,6 +22,7 @@ from services.monitor.liveness import STALE_S, WORKER_ONLINE_NS, CameraLiveness,
 from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.sites import Sites
 from services.monitor.robot_clocks import MAX_LAG_NS, Clocks
+from services.monitor.status_bytes import StatusBytes
 from services.monitor.world.site_objects import World
 
 RATE_WINDOW_S: Final = 5.0
@@ -119,6 +120,7 @@ class Fleet:
         self._changed: set[CameraKey] = set()
         self._duplicates = DuplicateGateways()
         self._late: dict[str, dict[CameraKey, tuple[int, int]]] = {}
+        self._gateway_bytes, self._worker_bytes = StatusBytes[str](), StatusBytes[tuple[str, str]]()
         self.inventory.on_leave(self._leave)
 
     def _leave(self, left: Collection[CameraView]) -> None:
@@ -142,24 +144,31 @@ class Fleet:
         self._note_in_time(key)
         self._changed.add(key)
 
-    def gateway_status(self, status: GatewayStatus, received_ns: int) -> None:
-        """Keep the newest status of a gateway, received at `received_ns` (epoch)."""
+    def gateway_status(self, status: GatewayStatus, received_ns: int, size: int = 0) -> None:
+        """Keep the newest status of a gateway, received at `received_ns` (epoch). size: its bytes.
+
+        Raises:
+            SchemaError: there are too many bytes of statuses already, see `StatusBytes`.
+        """
         if status.robot not in self.gateways and len(self.gateways) >= MAX_MEMBERS:
             held = {robot for robot, _ in self.inventory.room.held()} | self.inventory.robots()
             for robot in first_leaving(self.heard_ns, held.__contains__):
                 del self.gateways[robot], self.heard_ns[robot]
+                self._gateway_bytes.drop(robot)
                 self._late.pop(robot, None)
                 self._duplicates.forget(robot)
+        self._gateway_bytes.take(status.robot, size)
         self.heard_ns.pop(status.robot, None)  # keeps the order: the longest silent first
         self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
         self._duplicates.take(status.robot, status.boot_id)
 
-    def worker_status(self, status: WorkerStatus, received_ns: int) -> None:
-        """Keep the newest status of a worker, received at `received_ns` (epoch)."""
+    def worker_status(self, status: WorkerStatus, received_ns: int, size: int = 0) -> None:
+        """Keep the newest status of a worker, received at `received_ns` (epoch); see `gateway_status`."""
         name = (status.service, status.worker)
         if name not in self.workers:
             self._forget_workers(received_ns)
         check_room(self.workers, name)
+        self._worker_bytes.take(name, size)
         self.worker_heard_ns.pop(name, None)  # keeps the order: the longest silent first
         self.workers[name], self.worker_heard_ns[name] = status, received_ns
         self.inventory.worker_reports(*name, status.classes)
@@ -172,6 +181,7 @@ class Fleet:
             if now_ns - heard_ns <= silent_ns:
                 return
             del self.workers[name], self.worker_heard_ns[name]
+            self._worker_bytes.drop(name)
             self.inventory.forget_worker(*name)
 
     def see(self, seen: ClassList, now_s: float, received_ns: int) -> list[Change] | None:

@@ -4,7 +4,7 @@ from bisect import bisect_left, bisect_right, insort
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
-from itertools import takewhile
+from itertools import chain, takewhile
 from operator import attrgetter
 from typing import Final
 from weakref import WeakMethod
@@ -17,6 +17,7 @@ from schemas.keys import CameraKey, camera_key
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.room import MAX_MEMBERS, MAX_ROBOT_CAMERAS, CameraRoom, check_room
 from services.monitor.inventory.sighting import NS, Change, Debounce, Sighting
+from services.monitor.inventory.view import MAX_CLASS_BYTES, ClassRoom
 from services.monitor.liveness import LOST_S, STALE_S
 
 MAX_NS: Final = 2**63 - 1
@@ -75,6 +76,7 @@ class Inventory:
         self._in_order: list[CameraKey] = []
         self._alive: set[str] = set()
         self.room = CameraRoom()
+        self._class_room = ClassRoom()
         self._added = 0
         self._on_leave: list[WeakMethod[OnLeave]] = []
         self._gave_up: list[Change] = []
@@ -124,7 +126,7 @@ class Inventory:
 
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went is remembered."""
-        self._camera(key)
+        self._camera(key, announced=True)
         self.room.note(key, alive=alive)
         for news in self._followers:
             news.cameras.add(key)
@@ -177,9 +179,18 @@ class Inventory:
         self._ticked_ns = now_ns
         fresh_ns, since_ns = now_ns - self.limits.stale_ns, now_ns - self.limits.lost_ns
         self._disputed = {key for key in self._disputed if self._cameras[key].contested(fresh_ns)}
+        self._recount_classes()
         self.room.tick(now_ns)
         silent = [each for each in self._cameras.values() if each.is_forsaken(since_ns)]
         return [*self._take_given_up(), *(change for camera in silent for change in camera.lose())]
+
+    def _recount_classes(self) -> None:
+        """Count the bytes of classes where there may be many; absent cameras leave where there are too many."""
+        if self._class_room.bytes > MAX_CLASS_BYTES // 2:
+            views = (chain(each.views.values(), each.opinions.values()) for each in self._cameras.values())
+            self._class_room.recount(chain.from_iterable(views))
+        if self._class_room.bytes > MAX_CLASS_BYTES * 3 // 4:
+            self._leave(self.room.leaving_for_classes())
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now: the clock was set back."""
@@ -196,10 +207,10 @@ class Inventory:
             if sighting.key in self._cameras or (
                 len(self._cameras) < MAX_MEMBERS and self.room.of(sighting.key.robot) < MAX_ROBOT_CAMERAS
             ):
-                self._camera(sighting.key).restore(sighting)
+                self._camera(sighting.key, announced=True).restore(sighting)
         for sighting in sorted(newest_first, key=attrgetter("last_ns")):
             if sighting.key in self._cameras:
-                self.room.heard(sighting.key)
+                self.room.note(sighting.key, alive=False)
 
     def recall(self, there: Mapping[tuple[str, str], int], since_ns: int) -> None:
         """Take stored times until which robots, and cameras (else ''), were present, before anything else is taken.
@@ -214,7 +225,7 @@ class Inventory:
                 for news in self._followers if until_ns >= since_ns else ():
                     news.tell(robot)
             elif camera and until_ns >= since_ns and len(self._cameras) < MAX_MEMBERS:
-                self._camera(CameraKey(robot, camera))
+                self._camera(CameraKey(robot, camera), announced=True)
         for (robot, camera), _ in reversed(newest_first):
             if camera and (key := CameraKey(robot, camera)) in self._cameras:
                 self.room.note(key, alive=False)
@@ -277,12 +288,12 @@ class Inventory:
         of = sorted(view.sightings(now_ns - self.limits.stale_ns), key=attrgetter("name"))
         return [Entry(sighting, available) for sighting in of]
 
-    def _camera(self, key: CameraKey) -> CameraView:
+    def _camera(self, key: CameraKey, *, announced: bool = False) -> CameraView:
         found = self._cameras.get(key)
         if found is None:
-            self._leave(self.room.leaving(key))
+            self._leave(self.room.leaving(key, announced=announced))
             self._added += 1
-            found = self._cameras[key] = CameraView(key, self._vocabularies, self._added)
+            found = self._cameras[key] = CameraView(key, self._vocabularies, self._added, self._class_room)
             self.room.add(key)
             if key.robot not in self._forgotten:
                 insort(self._in_order, key)

@@ -17,6 +17,9 @@ MAX_ROBOT_CAMERAS: Final = 256
 PART: Final = 32
 """The part of a full room that is emptied at once: making room for each new name on its own would be slow."""
 
+CLAIMED_PART: Final = 4
+"""The part of the room that cameras may have that never announced themselves."""
+
 SHOWN_NS: Final = 60_000_000_000
 """Time for which it is shown that there was no room, or that room was made."""
 
@@ -66,7 +69,7 @@ class CameraRoom:
     def __len__(self) -> int:
         return len(self.present) + len(self._claimed) + len(self._absent)
 
-    def leaving(self, key: CameraKey) -> list[CameraKey]:
+    def leaving(self, key: CameraKey, *, announced: bool) -> list[CameraKey]:
         """Return the cameras that have to leave before a new one can be taken; mostly none.
 
         Raises:
@@ -76,10 +79,22 @@ class CameraRoom:
             of_robot = (each for each in self._in_order() if each.robot == key.robot)
             full = f"{key.robot} has {MAX_ROBOT_CAMERAS} cameras, the most that one robot may have"
             return self._first(of_robot, MAX_ROBOT_CAMERAS, key, full)
+        if not announced and len(self._claimed) >= max(1, MAX_MEMBERS // CLAIMED_PART):
+            full = f"{len(self._claimed):,} cameras are known from messages alone, the most there may be"
+            return self._first(iter(self._claimed), MAX_MEMBERS, key, full)
         if len(self) >= MAX_MEMBERS:
             full = f"{MAX_MEMBERS:,} cameras are followed, the most there may be"
             return self._first(self._in_order(), MAX_MEMBERS, key, full)
         return []
+
+    def leaving_for_classes(self) -> list[CameraKey]:
+        """Return the absent cameras that leave as the classes of all take too much memory: a quarter of all."""
+        self._new_notes.add("the classes of all cameras take the memory that they may have: further ones are left out")
+        held = self.held()
+        free = (each for each in self._in_order() if (each.robot, each.camera) not in held)
+        found = list(islice(free, max(1, len(self) // 4)))
+        self.made += len(found)
+        return found
 
     def _first(self, absent: Iterator[CameraKey], most: int, key: CameraKey, full: str) -> list[CameraKey]:
         held = self.held()

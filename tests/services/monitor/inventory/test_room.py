@@ -7,15 +7,18 @@ from services.monitor import fleet as fleet_module
 from services.monitor.fleet import Fleet
 from services.monitor.inventory import inventory as inventory_module
 from services.monitor.inventory import room as room_module
+from services.monitor.inventory import view as view_module
 from services.monitor.inventory.availability import AvailabilityTracker
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.room import (
+    CLAIMED_PART,
     MAX_MEMBERS,
     MAX_ROBOT_CAMERAS,
     SHOWN_NS,
     InventoryFullError,
 )
 from services.monitor.inventory.sighting import ChangeKind, Sighting
+from services.monitor.inventory.view import MAX_CLASSES, MOST_LISTED, bytes_of
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 from tests.services.monitor.sightings import CLOCK, status
 
@@ -88,7 +91,7 @@ def test_as_many_as_there_may_be_are_followed_and_500_more_make_room_among_thems
     there(fleet.inventory, NEW)
     assert fleet.inventory.online(NEW)
     assert fleet.inventory.online(FRONT)
-    assert fleet.cameras <= MAX_MEMBERS
+    assert fleet.cameras <= MAX_MEMBERS // CLAIMED_PART + 2
 
 
 def test_names_that_only_messages_claim_leave_before_a_robot_that_is_off() -> None:
@@ -176,3 +179,33 @@ def test_who_tracks_cameras_forgets_those_that_left_and_meets_them_when_they_are
     assert len(turned) == len(inventory.cameras()) + 1
     inventory.see(seen(1, {}), S)
     assert [view.key for view in tracker.advance(3 * S)] == [FRONT]
+
+
+def test_the_classes_of_all_cameras_take_no_more_memory_than_they_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    most = 200_000
+    for module in (inventory_module, view_module):
+        monkeypatch.setattr(module, "MAX_CLASS_BYTES", most)
+    inventory = Inventory()
+    there(inventory, FRONT)
+    inventory.see(seen(0, {"box": 1}), S)
+    for number in range(100):
+        inventory.see(seen(0, {f"{number} {each}": 1 for each in range(60)}, key=invented(number)), S)
+    names = [name for view in inventory.cameras() for each in view.views.values() for name in each.classes]
+    assert sum(map(bytes_of, names)) <= most + bytes_of(names[-1])
+    inventory.tick(2 * S)
+    assert "classes of all cameras" in inventory.room.problems()[0]
+    inventory.see(seen(1, {"box": 1, "pallet": 1}), 2 * S)
+    inventory.tick(3 * S)
+    inventory.see(seen(2, {"box": 1, "pallet": 1}), 3 * S)
+    (front,) = [view for view in inventory.cameras() if view.key == FRONT]
+    assert front.primary is not None
+    assert front.primary.classes.keys() == {"box", "pallet"}
+
+
+def test_of_a_list_with_very_many_classes_the_first_are_looked_at() -> None:
+    inventory = Inventory()
+    inventory.see(seen(0, {f"c{number:03}": 1 for number in range(1_000)}), S)
+    (view,) = inventory.cameras()
+    assert view.primary is not None
+    assert len(view.primary.classes) == MAX_CLASSES
+    assert max(view.primary.classes) < f"c{MOST_LISTED:03}"
