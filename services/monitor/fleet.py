@@ -12,7 +12,7 @@ from schemas.distances import Distances
 from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
 from schemas.status import GatewayStatus, WorkerStatus
-from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY, DuplicateGateways
+from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY, DuplicateGateways, RivalSenders
 from services.monitor.formats import cameras_in_order, natural_camera
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory, TrustLimits
@@ -118,7 +118,8 @@ class Fleet:
         self.refused_lists = 0
         self.left_out: Counter[str] = Counter()
         self._changed: set[CameraKey] = set()
-        self._duplicates = DuplicateGateways()
+        self.duplicates = DuplicateGateways()
+        self.rivals = RivalSenders()
         self._late: dict[str, dict[CameraKey, tuple[int, int]]] = {}
         self._gateway_bytes, self._worker_bytes = StatusBytes[str](), StatusBytes[tuple[str, str]]()
         self.inventory.on_leave(self._leave)
@@ -128,6 +129,7 @@ class Fleet:
         for view in left:
             self._cameras.pop(view.key, None)
             self._changed.discard(view.key)
+            self.rivals.forget(view.key)
             self._note_in_time(view.key)
             if not self.inventory.room.of(view.key.robot) and not self.inventory.is_alive(view.key.robot):
                 self.places.forget(view.key.robot)
@@ -156,11 +158,11 @@ class Fleet:
                 del self.gateways[robot], self.heard_ns[robot]
                 self._gateway_bytes.drop(robot)
                 self._late.pop(robot, None)
-                self._duplicates.forget(robot)
+                self.duplicates.forget(robot)
         self._gateway_bytes.take(status.robot, size)
         self.heard_ns.pop(status.robot, None)  # keeps the order: the longest silent first
         self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
-        self._duplicates.take(status.robot, status.boot_id)
+        self.duplicates.take(status.robot, status.boot_id)
 
     def worker_status(self, status: WorkerStatus, received_ns: int, size: int = 0) -> None:
         """Keep the newest status of a worker, received at `received_ns` (epoch); see `gateway_status`."""
@@ -192,6 +194,7 @@ class Fleet:
         """
         key = camera_key(seen.header.robot, seen.header.camera)
         lag_ns = self._lag_ns(seen.header, received_ns)
+        self.rivals.take(key, seen, received_ns)
         changes = self.inventory.see(seen, received_ns - (lag_ns or 0))
         if changes is None:
             self.refused_lists += 1
@@ -249,7 +252,7 @@ class Fleet:
 
     def problems_of(self, robot: str) -> Iterator[str]:
         """Yield the known problems of a robot's gateway."""
-        if self._duplicates.has(robot):
+        if self.duplicates.has(robot):
             yield DUPLICATE_GATEWAY
         if (status := self.gateways.get(robot)) is not None:
             yield from problems_of(status)

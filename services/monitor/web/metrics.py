@@ -67,6 +67,16 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     yield GaugeMetricFamily("fleetsight_mesh_up", "1 while the monitor can hear the fleet.", not monitor.health.problem)
     yield GaugeMetricFamily("fleetsight_links", "Zenoh links to the monitor.", monitor.bus.links.count)
     yield GaugeMetricFamily("fleetsight_links_limit", "Maximum number of Zenoh links.", monitor.bus.links.limit)
+    doubted = GaugeMetricFamily(
+        "fleetsight_doubted_names",
+        "Names that several speak under, or that access rules allow nothing.",
+        labels=["why"],
+    )
+    doubted.add_metric(["certificate at several addresses"], monitor.bus.links.copied)
+    doubted.add_metric(["certificate in no access rule"], monitor.bus.links.strangers)
+    doubted.add_metric(["robot with several gateways"], len(monitor.fleet.duplicates.robots()))
+    doubted.add_metric(["camera with several senders"], len(monitor.fleet.rivals.found(snapshot.now_ns)))
+    yield doubted
     yield GaugeMetricFamily("fleetsight_history_kept", "1 while the history is kept.", not history.problem)
     yield GaugeMetricFamily("fleetsight_history_pending", "History rows waiting for the database.", history.pending)
     yield CounterMetricFamily(
