@@ -37,9 +37,10 @@ class Latest:
 
 @dataclass(frozen=True, slots=True)
 class Queue:
-    """Keep the `depth` newest samples in order of arrival (of one publisher: of sending)."""
+    """Keep the `depth` newest samples in order of arrival (of one publisher: of sending), of `most_bytes` together."""
 
     depth: int
+    most_bytes: int = 32 << 20
 
     def __post_init__(self) -> None:
         if self.depth < 1:

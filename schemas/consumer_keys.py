@@ -7,26 +7,28 @@ from schemas.errors import SchemaError
 from schemas.keys import BUDGET, ROBOT_STREAMS, WANTED, CameraKey, RobotStreamKey, SensorKey, check_name, parse_stream
 
 
-def budget(camera: CameraKey) -> str:
-    """Return the key of the RateBudgets of a camera's consumers."""
-    return f"fleet/{camera}/{BUDGET}"
+def budget(camera: CameraKey, consumer: str) -> str:
+    """Return the key of one consumer's RateBudgets for a camera: nobody speaks for another where access is ruled."""
+    check_name("consumer", consumer)
+    return f"fleet/{camera}/{BUDGET}/{consumer}"
 
 
 def every_budget(robot: str) -> str:
     """Return the key expression of the RateBudgets of a robot's cameras."""
     check_name("robot", robot)
-    return f"fleet/{robot}/*/{BUDGET}"
+    return f"fleet/{robot}/*/{BUDGET}/*"
 
 
-def parse_budget(key: str) -> CameraKey:
-    """Return the camera of a key of RateBudgets.
+def parse_budget(key: str) -> tuple[CameraKey, str]:
+    """Return the camera and the consumer of a key of RateBudgets.
 
     Raises:
         SchemaError: the key is none.
     """
     match key.split("/"):
-        case ["fleet", robot, camera, what] if what == BUDGET:
-            return CameraKey(robot, camera)
+        case ["fleet", robot, camera, what, consumer] if what == BUDGET:
+            check_name("consumer", consumer)
+            return CameraKey(robot, camera), consumer
     raise SchemaError(f"not the key of a camera's budgets: {key[:200]!r}")
 
 

@@ -221,7 +221,7 @@ class RobotStreamKey:
         match self.stream.split("/"):
             case [stream] if stream in ROBOT_STREAMS | ROBOT_RESULTS:
                 return
-            case [stream, name] if stream in NAMED_STREAMS and name == BUDGET:
+            case [stream, first, *_] if stream in NAMED_STREAMS and first == BUDGET:
                 raise SchemaError(f"stream name {self.stream!r}: {BUDGET!r} is reserved")
             case [stream, _, *_] if stream in NAMED_STREAMS and len(self.stream) <= MAX_NAMED:
                 self._check_chunks()

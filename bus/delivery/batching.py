@@ -17,6 +17,9 @@ ROOM: Final = 16_384
 
 AT_ONCE: Final = 1_000
 
+BYTES_AT_ONCE: Final = 8 << 20
+"""Most bytes of payloads in a batch, but for its last sample."""
+
 TOGETHER: Final = 100
 """Size of a batch that is worth waiting for: larger batches cost less per sample."""
 
@@ -53,11 +56,18 @@ def taking(
 class Gathering:
     """Fetches samples from a channel on a thread of its own, until the channel is closed.
 
-    deliver: is given the samples of a batch, in order.
+    deliver: is given the samples of a batch, in order. size: the bytes of a sample.
     """
 
-    def __init__(self, channel: Any, deliver: Callable[[Sequence[zenoh.Sample]], None]) -> None:
+    def __init__(
+        self,
+        channel: Any,
+        deliver: Callable[[Sequence[zenoh.Sample]], None],
+        size: Callable[[Any], int] = lambda sample: len(sample.payload),
+    ) -> None:
         self._channel = channel
+        self._size = size
+        self._is_behind = False
         self._deliver = deliver
         self._thread = threading.Thread(target=self._run, name="bus-gathering", daemon=True)
         self._thread.start()
@@ -70,7 +80,8 @@ class Gathering:
         wait_s = SHORTEST_S
         while number := self._fetch():
             wait_s = next_wait_s(wait_s, number)
-            time.sleep(wait_s)
+            if not self._is_behind:
+                time.sleep(wait_s)
 
     def _fetch(self) -> int:
         """Wait for samples and deliver them; return their number, 0 once the channel is closed."""
@@ -86,13 +97,16 @@ class Gathering:
     def _next(self) -> list[zenoh.Sample]:
         """Wait for samples and return them; none once the channel is closed."""
         batch: list[zenoh.Sample] = []
+        left = BYTES_AT_ONCE
         try:
             sample = self._channel.recv()
             while sample is not None:
                 batch.append(sample)
-                sample = self._channel.try_recv() if len(batch) < AT_ONCE else None
+                left -= self._size(sample)
+                sample = self._channel.try_recv() if len(batch) < AT_ONCE and left > 0 else None
         except zenoh.ZError:  # the channel is closed
             pass
+        self._is_behind = left <= 0
         return batch
 
 

@@ -1,8 +1,9 @@
 """Bounded mailboxes between producers and a consumer, with every drop counted. Pure: no lock, no loop, no clock."""
 
 import heapq
+import sys
 from collections import OrderedDict, deque
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Final, Generic, Protocol, TypeVar, final
 
@@ -114,27 +115,37 @@ class PerKey(Generic[K, T]):
 
 @final
 class Fifo(Generic[K, T]):
-    """Keep the `depth` newest items in order of arrival."""
+    """Keep the `depth` newest items in order of arrival, as far as they have `most_bytes` together; always the newest.
 
-    def __init__(self, depth: int) -> None:
+    size: the bytes of an item.
+    """
+
+    def __init__(self, depth: int, most_bytes: int = sys.maxsize, size: Callable[[T], int] = lambda _: 0) -> None:
         self._depth = depth
+        self._most_bytes = most_bytes
+        self._size = size
+        self._bytes = 0
         self._items: deque[tuple[K, T]] = deque()
         self._dropped: OrderedDict[K, int] = OrderedDict()
 
     def offer(self, key: K, item: T) -> int:
-        """Add an item; return 1 if the oldest one was dropped for it, else 0."""
+        """Add an item; return how many of the oldest ones were dropped for it."""
         self._items.append((key, item))
-        if len(self._items) <= self._depth:
-            return 0
-        victim, _ = self._items.popleft()
-        self._dropped[victim] = self._dropped.get(victim, 0) + 1
-        if len(self._dropped) > MAX_KEYS:
+        self._bytes += self._size(item)
+        dropped = 0
+        while len(self._items) > self._depth or (self._bytes > self._most_bytes and len(self._items) > 1):
+            victim, old = self._items.popleft()
+            self._bytes -= self._size(old)
+            self._dropped[victim] = self._dropped.get(victim, 0) + 1
+            dropped += 1
+        while len(self._dropped) > MAX_KEYS:
             self._dropped.popitem(last=False)
-        return 1
+        return dropped
 
     def take(self) -> Taken[K, T] | None:
         """Take the oldest item."""
         if not self._items:
             return None
         key, item = self._items.popleft()
+        self._bytes -= self._size(item)
         return Taken(key, item, self._dropped.pop(key, 0))

@@ -11,13 +11,20 @@ from bus.api import Latest, Presence, Queue, Sample, SubscriptionCounts
 from bus.delivery.inbox import Inbox
 from bus.delivery.mailbox import Fifo, Mailbox, PerKey, Taken
 
+SAMPLE_BYTES: Final = 350
+"""Bytes that a waiting sample takes beside its payload."""
+
+
+def _bytes_of(sample: Sample) -> int:
+    return SAMPLE_BYTES + len(sample.payload)
+
 
 def _mailbox(keep: Latest | Queue) -> Mailbox[str, Sample]:
     match keep:
         case Latest():
             return PerKey()
-        case Queue(depth):
-            return Fifo(depth)
+        case Queue(depth, most_bytes):
+            return Fifo(depth, most_bytes, _bytes_of)
         case never:
             assert_never(never)
 

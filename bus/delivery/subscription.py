@@ -16,7 +16,8 @@ from bus.delivery.batching import DELIVERED_S, taking
 from bus.delivery.inbox import call_soon
 from bus.delivery.reading import SampleReader
 from bus.history.caches import CACHE, Caches, is_sent_again, owner_of, stamp_of
-from bus.history.ordering import Fetch, History, Hold, Numbered
+from bus.history.key_state import Fetch, Hold, Numbered
+from bus.history.ordering import History
 from bus.session.known_keys import number_of
 
 AGAIN_S: Final = 0.5
@@ -84,7 +85,13 @@ class HistorySubscription(ZenohSubscription):
         self._submit = submit
         self._caches = Caches(submit, self._submit_later, recover, self._on_kept, self._on_fetched)
         self._history: History[Sample | None] = History(
-            recover, self._caches.ask, self._ask_later, self._end_hold_later, self._deliver, self.miss
+            recover,
+            self._caches.ask,
+            self._ask_later,
+            self._end_hold_later,
+            self._deliver,
+            self.miss,
+            size=lambda sample: 0 if sample is None else len(sample.payload),
         )
         self._known = known
         self._one_at_a_time = threading.Lock()

@@ -12,7 +12,7 @@ from typing import Final
 import zenoh
 from zenoh.handlers import Callback
 
-from bus.history.ordering import Fetch
+from bus.history.key_state import Fetch
 from bus.session.panics import panics_are_errors
 
 CACHE: Final = "/@adv/pub/"

@@ -6,8 +6,9 @@ Pure. Delays are the caller's.
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+from typing import Final, Generic
 
+from bus.history.key_state import FIRST, NONE, Fetch, Hold, KeyState, M, Numbered, PublisherState
 from schemas.header import gap
 
 MOST_HELD: Final = 200
@@ -17,104 +18,11 @@ that is more; beyond that they are taken as they are."""
 KEYS_REMEMBERED: Final = 10_000
 """Keys without a publisher whose numbers are remembered: kept messages come again when it returns."""
 
-PUBLISHERS_REMEMBERED: Final = 128
-"""Most publishers remembered for one key, the latest heard; a gateway has up to 64, one per latching publisher."""
-
-NONE: Final = -1
-"""Stands for no number; less than any."""
-
-FIRST: Final = 1
-"""First number of our publishers; Zenoh's own numbers begin with 0."""
+MOST_HELD_BYTES: Final = 32 << 20
+"""Most bytes of messages that wait, of all keys together; beyond that they are taken as they are, too."""
 
 WRAPPED: Final = 1 << 31
 """A number smaller than the last by this much is newer: Zenoh's own numbers wrap at 32 bits."""
-
-M = TypeVar("M")
-
-
-class Numbered(NamedTuple, Generic[M]):
-    """A message with its publisher and the publisher's number of it, which grows by one.
-
-    newness: 0 for a message sent for the first time; for those that a publisher sends again on a new session, 1 is the
-    newest. place: its place for a query to the cache for later ones.
-    """
-
-    key: str
-    publisher: int | str
-    number: int
-    message: M
-    newness: int = 0
-    place: Any = None
-
-
-class Fetch(NamedTuple):
-    """A query to a cache for the messages of a key after those in `places`, as far as they are its publisher's."""
-
-    key: str
-    cache: str
-    places: tuple[Any, ...] = ()
-
-
-class Hold(NamedTuple):
-    """A time for which a key's live messages wait for older ones: its number among those of the key."""
-
-    key: str
-    number: int
-
-
-@dataclass(slots=True)
-class _Publisher:
-    """State of one publisher.
-
-    last: the number taken last, and its place. live: the newest number that came live since it appeared: newer ones
-    come without asking. sought: the newest number that had come when a cache was last asked.
-    """
-
-    last: int = NONE
-    place: Any = None
-    live: int = NONE
-    sought: int = NONE
-
-    def is_behind_hole(self, number: int) -> bool:
-        return self.last != NONE and number > self.last + 1
-
-    def is_next(self, number: int, first: int) -> bool:
-        return number <= first if self.last == NONE else number == self.last + 1
-
-
-@dataclass(slots=True)
-class _Key(Generic[M]):
-    """State of a key.
-
-    caches: those of present publishers. asked: those with a pending query, and whether to query them once more.
-    doubted: those that are present and had nothing at the first query.
-    held: live messages that wait for their answers, None if none have to; kept: their answers. holds: how often live
-    messages began to wait.
-    """
-
-    name: str
-    publishers: OrderedDict[int | str, _Publisher] = field(default_factory=OrderedDict)
-    caches: set[str] = field(default_factory=set)
-    asked: dict[str, bool] = field(default_factory=dict)
-    doubted: set[str] = field(default_factory=set)
-    held: list[Numbered[M]] | None = None
-    kept: list[Numbered[M]] = field(default_factory=list)
-    holds: int = 0
-
-    def publisher(self, name: int | str) -> _Publisher:
-        known = self.publishers.get(name)
-        if known is None:
-            known = self.publishers[name] = _Publisher()
-            if len(self.publishers) > PUBLISHERS_REMEMBERED:
-                self.publishers.popitem(last=False)
-        else:
-            self.publishers.move_to_end(name)
-        return known
-
-    def out_of_sight(self) -> None:
-        """Forget which live messages came: later ones may be missing."""
-        for publisher in self.publishers.values():
-            publisher.live = NONE
 
 
 @dataclass
@@ -125,7 +33,7 @@ class History(Generic[M]):
     filled too, and live messages wait for older ones. fetch: queries a cache, calls `kept` with its answers
     and `fetched` at the end in any case. later: calls `ask_again` after a while with the same
     query. holding: calls `end_hold` after a longer while with the same hold. deliver, miss: receive messages in order,
-    and the number of lost ones.
+    and the number of lost ones. size: the bytes of a message.
 
     Not thread-safe.
     """
@@ -136,7 +44,9 @@ class History(Generic[M]):
     holding: Callable[[Hold], None]
     deliver: Callable[[list[M]], None]
     miss: Callable[[int], None]
-    _keys: dict[str, _Key[M]] = field(default_factory=dict)
+    size: Callable[[M], int] = lambda _: 0
+    _bytes: int = 0
+    _keys: dict[str, KeyState[M]] = field(default_factory=dict)
     _deserted: OrderedDict[str, None] = field(default_factory=OrderedDict)
     _all_appeared: bool = True
 
@@ -165,6 +75,7 @@ class History(Generic[M]):
             known.caches.clear()
             known.asked.clear()
             known.doubted.clear()
+            self._bytes -= sum(self.size(each.message) for each in known.kept)
             known.kept.clear()
             self._deserted[key] = None
             if known.held is not None:  # on the new session, as what is timed on the old one is not heeded there
@@ -203,6 +114,10 @@ class History(Generic[M]):
         """Take a message from a cache."""
         known = self._known(fetch.key)
         if fetch.cache in known.asked and message.key == fetch.key and message.newness <= self.recover:
+            if self._bytes > MOST_HELD_BYTES:
+                self.miss(1)
+                return
+            self._bytes += self.size(message.message)
             known.kept.append(message)
 
     def fetched(self, fetch: Fetch, *, empty: bool = False) -> None:
@@ -243,15 +158,19 @@ class History(Generic[M]):
             known.held = None
             self._deliver(ready)
 
-    def _hold(self, known: _Key[M], held: list[Numbered[M]]) -> None:
+    def _hold(self, known: KeyState[M], held: list[Numbered[M]]) -> None:
         known.held = held
         known.holds += 1
         self.holding(Hold(known.name, known.holds))
 
-    def _known(self, key: str) -> _Key[M]:
+    def _hold_first(self, known: KeyState[M], each: Numbered[M]) -> None:
+        self._bytes += self.size(each.message)
+        self._hold(known, [each])
+
+    def _known(self, key: str) -> KeyState[M]:
         known = self._keys.get(key)
         if known is None:
-            known = self._keys[key] = _Key(key)
+            known = self._keys[key] = KeyState(key)
             self._desert(key)
         return known
 
@@ -267,7 +186,7 @@ class History(Generic[M]):
             key, _ = self._deserted.popitem(last=False)
             self._release(self._keys.pop(key), ready)
 
-    def _ask(self, known: _Key[M], cache: str) -> None:
+    def _ask(self, known: KeyState[M], cache: str) -> None:
         if self.recover > 1 and known.held is None:
             self._hold(known, [])
         for publisher in known.publishers.values():
@@ -281,32 +200,33 @@ class History(Generic[M]):
         known.asked[cache] = False
         self._fetch(known, cache)
 
-    def _fetch(self, known: _Key[M], cache: str) -> None:
+    def _fetch(self, known: KeyState[M], cache: str) -> None:
         places = tuple(each.place for each in known.publishers.values() if each.place is not None)
         self.fetch(Fetch(known.name, cache, places))
 
-    def _take_live(self, known: _Key[M], by: _Publisher, each: Numbered[M], ready: list[M]) -> None:
+    def _take_live(self, known: KeyState[M], by: PublisherState, each: Numbered[M], ready: list[M]) -> None:
         """Take a live message, or hold it while older ones may still come."""
         first = FIRST if isinstance(each.publisher, int) else 0
         if known.held is not None and not known.held and by.is_next(each.number, first) and not each.newness:
             self._take(by, each, ready)
         elif known.held is not None:
             known.held.append(each)
-            if len(known.held) > max(MOST_HELD, 2 * self.recover):
+            self._bytes += self.size(each.message)
+            if len(known.held) > max(MOST_HELD, 2 * self.recover) or self._bytes > MOST_HELD_BYTES:
                 self._take_waiting(known, ready, seek=False)
         elif self.recover > 1 and not self._all_appeared:
-            self._hold(known, [each])
+            self._hold_first(known, each)
         elif self.recover > 1 and known.caches and by.is_behind_hole(each.number):
-            self._hold(known, [each])
+            self._hold_first(known, each)
             self._seek(known)
         else:
             self._take(by, each, ready)
 
-    def _seek(self, known: _Key[M]) -> None:
+    def _seek(self, known: KeyState[M]) -> None:
         for cache in known.caches:
             self._ask(known, cache)
 
-    def _take(self, by: _Publisher, each: Numbered[M], ready: list[M]) -> None:
+    def _take(self, by: PublisherState, each: Numbered[M], ready: list[M]) -> None:
         """Take a message unless it came before; count missing ones before it."""
         if by.last - each.number < WRAPPED:
             if each.number <= by.last:
@@ -316,7 +236,7 @@ class History(Generic[M]):
         by.last, by.place = each.number, each.place
         ready.append(each.message)
 
-    def _take_waiting(self, known: _Key[M], ready: list[M], *, seek: bool) -> None:
+    def _take_waiting(self, known: KeyState[M], ready: list[M], *, seek: bool) -> None:
         """Take held messages and caches' answers, in order.
 
         Messages newer than the newest live one will come live too, after those in between; or a later one reveals
@@ -325,6 +245,7 @@ class History(Generic[M]):
         """
         waiting = [(each, True) for each in known.held or ()] + [(each, False) for each in known.kept]
         rest: list[Numbered[M]] = []
+        self._bytes -= sum(self.size(each.message) for each, _ in waiting)
         for each, came in sorted(waiting, key=lambda one: one[0].number):
             by = known.publisher(each.publisher)
             if not by.is_behind_hole(each.number):
@@ -335,8 +256,9 @@ class History(Generic[M]):
                 self._take(by, each, ready)
         known.kept.clear()
         known.held = rest
+        self._bytes += sum(self.size(each.message) for each in rest)
 
-    def _release(self, known: _Key[M], ready: list[M]) -> None:
+    def _release(self, known: KeyState[M], ready: list[M]) -> None:
         """Take all waiting messages; no more of the missing ones will come."""
         self._take_waiting(known, ready, seek=self.recover > 1 and bool(known.caches))
         if known.held:

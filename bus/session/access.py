@@ -54,3 +54,9 @@ def read_access(settings: BusSettings) -> Mapping[str, Any] | None:
     if not isinstance(rules, dict) or not rules.keys() >= RULES:
         raise BusError(f"{said}: no rules; `fleetsight access fleet.yaml --to {settings.access.name}` makes them")
     return rules
+
+
+def names_in(access: Mapping[str, Any]) -> frozenset[str]:
+    """Return the certificates' names that rules allow something."""
+    subjects = access["subjects"] or ()
+    return frozenset(name for subject in subjects for name in subject.get("cert_common_names") or ())

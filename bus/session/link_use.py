@@ -19,10 +19,17 @@ _CALM: Final = 0.8
 
 @dataclass(frozen=True, slots=True)
 class LinkUse:
-    """The number of links of a process, and its limit."""
+    """The number of links of a process, and its limit.
+
+    strangers, copied: names of certificates that are in no access rule, and that are used at several addresses at once.
+    wrong: lines about these.
+    """
 
     count: int
     limit: int
+    strangers: int = 0
+    copied: int = 0
+    wrong: tuple[str, ...] = ()
 
     @property
     def problem(self) -> str:

@@ -18,13 +18,14 @@ from bus.errors import BusError, NotServedError
 from bus.requests.pending_request import PendingRequest
 from bus.requests.queries import send_query
 from bus.requests.serving import serves
-from bus.session.access import check_closed, read_access
+from bus.session.access import check_closed, names_in, read_access
 from bus.session.certificates import check_certificates
 from bus.session.changed_files import LOOKED_AT_S, ChangedFiles
 from bus.session.config import session_config
 from bus.session.declaration import Declaration, close_session, endpoint_names, reason_of, take_back
 from bus.session.job_thread import JobThread
 from bus.session.known_keys import Numbers
+from bus.session.link_names import LinkNames
 from bus.session.link_use import LinkUse, LinkWarning
 from bus.session.links import Links, why_unreached
 from bus.session.listening_client import LostLink, open_listening_client
@@ -73,6 +74,7 @@ class SessionThread:
         self._session: zenoh.Session | None = None
         self._turn = NEVER  # callbacks compare it, as one with a session would release that at any time (see REST_S)
         self._links = Links(settings)
+        self._names = LinkNames()
         self._link_warning = LinkWarning()
         self._lost_link = LostLink(settings)
         self._stopping = threading.Event()
@@ -108,7 +110,9 @@ class SessionThread:
     @property
     def links(self) -> LinkUse:
         """See `bus.api.Bus.links`."""
-        return LinkUse(self._links.count, self._most_links)
+        names, now_s = self._names, time.monotonic()
+        strangers, copied = len(names.strangers()), len(names.copied(now_s))
+        return LinkUse(self._links.count, self._most_links, strangers, copied, tuple(names.problems(now_s)))
 
     def open(self) -> Future[None]:
         """Try to open once. A client whose routers do not answer keeps trying in the background; others fail."""
@@ -213,6 +217,7 @@ class SessionThread:
     def _opened(self) -> zenoh.Session:
         self._files.use()
         settings, access = self._settings, read_access(self._settings)
+        self._names.known = None if access is None else names_in(access)
         if settings.is_listening_client:
             return open_listening_client(lambda first: session_config(settings, self._most_links, access, first))
         config = session_config(settings, self._most_links, access)
@@ -224,6 +229,7 @@ class SessionThread:
         self._turn += 1
         self._links.clear()
         self._lost_link.begin()
+        self._names.clear()
         self._cut.clear()
         self._unsettled = self._declared = 0
         listener = Callback(partial(self._on_link, self._turn), indirect=False)
@@ -288,9 +294,14 @@ class SessionThread:
         up = event.kind == zenoh.SampleKind.PUT
         if not up and self._settings.has_one_link and turn == self._turn:
             self._cut.set()
-        self.do(partial(self._link_up if up else self._link_down, turn, event.link.src, event.link.dst))
+        if up:
+            self.do(partial(self._link_up, turn, event.link.src, event.link.dst, event.link.auth_identifier or ""))
+        else:
+            self.do(partial(self._link_down, turn, event.link.src, event.link.dst))
 
-    def _link_up(self, turn: int, own: str, other: str) -> None:
+    def _link_up(self, turn: int, own: str, other: str, name: str) -> None:
+        if turn == self._turn and self._names.add(own, other, name, time.monotonic()):
+            _log.warning("certificate %s connects from %s, and the access rules allow it nothing", name, other)
         if turn == self._turn and self._links.add(own, other):
             self._lost_link.end()
             _log.info("connected to %s", other)
@@ -300,6 +311,8 @@ class SessionThread:
 
     def _link_down(self, turn: int, own: str, other: str) -> None:
         ends = self._settings.has_one_link
+        if turn == self._turn:
+            self._names.remove(own, other)
         if turn != self._turn or self._session is None or not (self._links.remove(own, other) or ends):
             return
         if not self._jobs.is_ending:

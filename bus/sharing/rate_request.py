@@ -40,7 +40,7 @@ class RateRequest:
         if self.hz is None:
             self._changed.clear()
             await self._changed.wait()
-        key = consumer_keys.budget(frames.camera)
+        key = consumer_keys.budget(frames.camera, consumer)
         async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(RateBudget)) as publisher:
             while True:
                 self._changed.clear()

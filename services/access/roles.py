@@ -69,11 +69,11 @@ def of_role(role: Role, name: str) -> Permissions:
             return _worker(
                 name,
                 services=("detector", "opinion"),
-                results=("detections", "classes", "opinion", "overlay/detection", "overlay/segmentation", "budget"),
+                results=("detections", "classes", "opinion", "overlay/detection", "overlay/segmentation"),
                 more=(f"services/detector/infer/{name}-$*",),
             )
         case Role.SPACE:
-            return _worker(name, services=("distance", "cloud"), results=("distances", "view", "objects", "budget"))
+            return _worker(name, services=("distance", "cloud"), results=("distances", "view", "objects"))
         case Role.WORLDMODEL:
             return _worker(name, services=("worldmodel",), results=(), more=("world/**", "fleet/*/nearby"))
         case Role.WAREHOUSE:
@@ -104,6 +104,7 @@ def _worker(
     return Permissions(
         sends=(
             *(f"fleet/*/*/{result}" for result in results),
+            *(f"fleet/*/*/budget/{consumer}" for consumer in (f"{name}-$*", f"opinion.{name}-$*")),
             *(f"{each}/{end}" for each in own for end in ("status", "settings")),
             *more,
         ),

@@ -8,7 +8,7 @@ import asyncio
 import logging
 import time
 from collections import Counter
-from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import chain, islice
@@ -25,6 +25,7 @@ from services.monitor.event_loop import in_daemon_thread, in_turns
 from services.monitor.fleet import Age, Fleet, Row
 from services.monitor.formats import limited, problem_lines
 from services.monitor.inventory.availability import AvailabilityTracker
+from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory
 
 STYLES: Final = {"online": "green", "silent": "yellow", "offline": "bold red"}
@@ -208,6 +209,10 @@ class SilentCameras:
         self._inventory = inventory
         self._availability = AvailabilityTracker(inventory, inventory.is_available, available=False)
         self._silent: set[CameraKey] = set()
+        inventory.on_leave(self._leave)
+
+    def _leave(self, left: Collection[CameraView]) -> None:
+        self._silent.difference_update(view.key for view in left)
 
     def advance(self, now_ns: int) -> list[CameraKey]:
         """Return the cameras that fell silent or resumed by `now_ns`."""

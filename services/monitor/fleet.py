@@ -1,7 +1,7 @@
 """The state of the fleet, driven by messages, presence and time. Pure."""
 
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -12,59 +12,28 @@ from schemas.distances import Distances
 from schemas.header import Header
 from schemas.keys import CameraKey, camera_key
 from schemas.status import GatewayStatus, WorkerStatus
+from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY, DuplicateGateways, RivalSenders
 from services.monitor.formats import cameras_in_order, natural_camera
-from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory, TrustLimits, make_room
+from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.inventory import Inventory, TrustLimits
+from services.monitor.inventory.room import MAX_MEMBERS, check_room, first_leaving
 from services.monitor.inventory.sighting import NS, Change
-from services.monitor.liveness import STALE_S, CameraLiveness, camera_state, is_stale
+from services.monitor.liveness import STALE_S, WORKER_ONLINE_NS, CameraLiveness, camera_state, is_stale
 from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.sites import Sites
 from services.monitor.robot_clocks import MAX_LAG_NS, Clocks
+from services.monitor.status_bytes import StatusBytes
 from services.monitor.warehouses.reports import Warehouses
 from services.monitor.world.site_objects import World
 
 RATE_WINDOW_S: Final = 5.0
 MAX_AGES: Final = 100_000
-MINUTE_NS: Final = 60 * NS
 DAY_NS: Final = 86_400 * NS
 LATE_NS: Final = 2 * NS
 LATE_FOR_NS: Final = 10 * NS
 """No mere outage held up lists that keep coming for so long and were longer than LATE_NS on their way: what it held up
 comes at once. It is over when none came for as long."""
 
-
-MOST_PROCESSES: Final = 16
-"""Maximum number of gateway processes remembered per robot."""
-
-KNOWN_ACCOUNTS: Final = 5
-"""Status messages without a sign of a duplicate after which it counts as gone; each gateway sends one a second."""
-
-
-class DuplicateGateways:
-    """Tracks gateway processes by robot: a process that was replaced by a restart never returns."""
-
-    def __init__(self) -> None:
-        self._processes: dict[str, tuple[str, ...]] = {}
-        self._known: dict[str, int] = {}
-
-    def take(self, robot: str, boot_id: str) -> None:
-        """Note the process of a status message."""
-        processes = self._processes.get(robot, ())
-        if boot_id in processes[1:]:
-            self._known[robot] = KNOWN_ACCOUNTS
-        elif self._known.get(robot, 0) > 1:
-            self._known[robot] -= 1
-        else:
-            self._known.pop(robot, None)
-        if processes[:1] != (boot_id,):
-            others = (each for each in processes if each != boot_id)
-            self._processes[robot] = (boot_id, *others)[:MOST_PROCESSES]
-
-    def has(self, robot: str) -> bool:
-        """Return whether a robot recently had more than one gateway."""
-        return robot in self._known
-
-
-DUPLICATE_GATEWAY: Final = "has more than one gateway under its name, so their frames are mixed up: stop or rename one"
 
 SLOW_LINK: Final = "has class lists that arrive more than 2 s late; on a slow link, set --uplink-mbit"
 """Combines all cameras of a robot: they share one link, and a line that changes is logged again."""
@@ -151,8 +120,21 @@ class Fleet:
         self.refused_lists = 0
         self.left_out: Counter[str] = Counter()
         self._changed: set[CameraKey] = set()
-        self._duplicates = DuplicateGateways()
+        self.duplicates = DuplicateGateways()
+        self.rivals = RivalSenders()
         self._late: dict[str, dict[CameraKey, tuple[int, int]]] = {}
+        self._gateway_bytes, self._worker_bytes = StatusBytes[str](), StatusBytes[tuple[str, str]]()
+        self.inventory.on_leave(self._leave)
+
+    def _leave(self, left: Collection[CameraView]) -> None:
+        """Forget cameras that made room for others, and poses of robots without any other."""
+        for view in left:
+            self._cameras.pop(view.key, None)
+            self._changed.discard(view.key)
+            self.rivals.forget(view.key)
+            self._note_in_time(view.key)
+            if not self.inventory.room.of(view.key.robot) and not self.inventory.is_alive(view.key.robot):
+                self.places.forget(view.key.robot)
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
@@ -166,30 +148,44 @@ class Fleet:
         self._note_in_time(key)
         self._changed.add(key)
 
-    def gateway_status(self, status: GatewayStatus, received_ns: int) -> None:
-        """Keep the newest status of a gateway, received at `received_ns` (epoch)."""
-        make_room(self.gateways, status.robot)
-        self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
-        self._duplicates.take(status.robot, status.boot_id)
+    def gateway_status(self, status: GatewayStatus, received_ns: int, size: int = 0) -> None:
+        """Keep the newest status of a gateway, received at `received_ns` (epoch). size: its bytes.
 
-    def worker_status(self, status: WorkerStatus, received_ns: int) -> None:
-        """Keep the newest status of a worker, received at `received_ns` (epoch)."""
+        Raises:
+            SchemaError: there are too many bytes of statuses already, see `StatusBytes`.
+        """
+        if status.robot not in self.gateways and len(self.gateways) >= MAX_MEMBERS:
+            held = {robot for robot, _ in self.inventory.room.held()} | self.inventory.robots()
+            for robot in first_leaving(self.heard_ns, held.__contains__):
+                del self.gateways[robot], self.heard_ns[robot]
+                self._gateway_bytes.drop(robot)
+                self._late.pop(robot, None)
+                self.duplicates.forget(robot)
+        self._gateway_bytes.take(status.robot, size)
+        self.heard_ns.pop(status.robot, None)  # keeps the order: the longest silent first
+        self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
+        self.duplicates.take(status.robot, status.boot_id)
+
+    def worker_status(self, status: WorkerStatus, received_ns: int, size: int = 0) -> None:
+        """Keep the newest status of a worker, received at `received_ns` (epoch); see `gateway_status`."""
         name = (status.service, status.worker)
         if name not in self.workers:
             self._forget_workers(received_ns)
-        make_room(self.workers, name)
+        check_room(self.workers, name)
+        self._worker_bytes.take(name, size)
         self.worker_heard_ns.pop(name, None)  # keeps the order: the longest silent first
         self.workers[name], self.worker_heard_ns[name] = status, received_ns
         self.inventory.worker_reports(*name, status.classes)
 
     def _forget_workers(self, now_ns: int) -> None:
-        """Forget those that said nothing for a day, or for a minute where there is no room: each process has a name."""
-        silent_ns = MINUTE_NS if len(self.workers) >= MAX_MEMBERS else DAY_NS
+        """Forget those silent for a day, or offline where there is no room: each process has a name of its own."""
+        silent_ns = WORKER_ONLINE_NS if len(self.workers) >= MAX_MEMBERS else DAY_NS
         while self.worker_heard_ns:
             name, heard_ns = next(iter(self.worker_heard_ns.items()))
             if now_ns - heard_ns <= silent_ns:
                 return
             del self.workers[name], self.worker_heard_ns[name]
+            self._worker_bytes.drop(name)
             self.inventory.forget_worker(*name)
 
     def see(self, seen: ClassList, now_s: float, received_ns: int) -> list[Change] | None:
@@ -200,6 +196,7 @@ class Fleet:
         """
         key = camera_key(seen.header.robot, seen.header.camera)
         lag_ns = self._lag_ns(seen.header, received_ns)
+        self.rivals.take(key, seen, received_ns)
         changes = self.inventory.see(seen, received_ns - (lag_ns or 0))
         if changes is None:
             self.refused_lists += 1
@@ -257,7 +254,7 @@ class Fleet:
 
     def problems_of(self, robot: str) -> Iterator[str]:
         """Yield the known problems of a robot's gateway."""
-        if self._duplicates.has(robot):
+        if self.duplicates.has(robot):
             yield DUPLICATE_GATEWAY
         if (status := self.gateways.get(robot)) is not None:
             yield from problems_of(status)

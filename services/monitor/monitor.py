@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, islice
 from typing import Final
@@ -13,6 +13,7 @@ from schemas.alerts import Alert, AlertState
 from schemas.worker_keys import DETECTOR, OPINION
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY
 from services.monitor.event_loop import CachedValue, in_turns
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
@@ -45,6 +46,7 @@ OPEN: Final = (
 )
 
 MAX_ALERTS: Final = 10_000
+MAX_RIVALS: Final = 3
 MAX_REMARKS: Final = 20
 """Maximum number of remarks about rules."""
 
@@ -174,9 +176,28 @@ class Monitor:
         """Return the monitor's own problems, in lines."""
         status = self.history.status
         not_kept = status.problem and f"history is not being kept: {status.problem}"
-        found = (not_kept, *status.warnings, self.rules.problem, self.bus.links.problem, self.open_to_all)
-        own = [*(problem for problem in (*found, self.centre.problem) if problem), *self.fleet.world.problems()]
-        return [*own, *self.fleet.warehouses.problems(time.time_ns()), *self.alerting.problems()]
+        found = (
+            not_kept,
+            *status.warnings,
+            self.rules.problem,
+            self.bus.links.problem,
+            *self.bus.links.wrong,
+            self.open_to_all,
+        )
+        own = [problem for problem in (*found, self.centre.problem) if problem]
+        own += [*self.fleet.world.problems(), *self.fleet.warehouses.problems(time.time_ns())]
+        return [*own, *self._rivals(), *self.fleet.inventory.room.problems(), *self.alerting.problems()]
+
+    def _rivals(self) -> Iterator[str]:
+        """Yield lines about the first names that several speak under."""
+        for robot in self.fleet.duplicates.robots()[:MAX_RIVALS]:
+            yield f"{robot} {DUPLICATE_GATEWAY}"
+        found = sorted(self.fleet.rivals.found(time.time_ns()).items())
+        for key, (one, other) in found[:MAX_RIVALS]:
+            yield (
+                f"{key}: class lists of {one} and of {other} come by turns: stop one of these workers; if there is only"
+                " one of them, somebody sends in its name"
+            )
 
     def rule_remarks(self) -> list[str]:
         """Return remarks about classes and robots in the rules that do not exist, or did not recently."""

@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 from rich.console import Console
 
 from bus import QUEUE, Bus, Sample, Subscription, open_bus
+from bus.api import Queue
 from bus.clocks import clock_id
 from schemas import codec, keys, worker_keys
 from schemas.detections import KEPT_LISTS, ClassList
@@ -28,7 +29,7 @@ from services.monitor.history.archive import Archive
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import HistoryError, OtherVersionError
-from services.monitor.inventory.inventory import InventoryFullError
+from services.monitor.inventory.room import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.join_address import how_to_join
 from services.monitor.liveness import Heartbeat
@@ -47,11 +48,11 @@ from services.monitor.world.zones import load_zones
 
 log = logging.getLogger(__name__)
 
-DEPTH = 10_000
-"""Queue length, in messages, of each kind."""
+WAITING = QUEUE(10_000)
+"""Messages of each kind that wait."""
 
-LISTS_DEPTH = 200_000
-"""Queue length of class lists: those kept by thousands of robots during a cut arrive at once."""
+LISTS_WAITING = QUEUE(200_000, 96 << 20)
+"""Class lists that wait: those kept by thousands of robots during a cut arrive at once."""
 
 TICK_S = 1.0
 
@@ -180,7 +181,15 @@ async def watch_fleet(
     async with answer_inventory(bus, fleet, problems), asyncio.TaskGroup() as group:
         class_lists = keys.every_stream(Stream.CLASSES)
         group.create_task(
-            _receive(bus, fleet, class_lists, take_list, depth=LISTS_DEPTH, recover=KEPT_LISTS, of="class lists")
+            _receive(
+                bus,
+                fleet,
+                class_lists,
+                take_list,
+                keep=LISTS_WAITING,
+                recover=KEPT_LISTS,
+                of="class lists",
+            )
         )
         for key_expr, take in streams.items():
             group.create_task(_receive(bus, fleet, key_expr, take))
@@ -212,17 +221,17 @@ async def _receive(
     key_expr: str,
     take: Callable[[Sample], None],
     *,
-    depth: int = DEPTH,
+    keep: Queue = WAITING,
     recover: int = 1,
     of: str = "messages",
 ) -> None:
     async with (
-        bus.subscribe(key_expr, QUEUE(depth), recover=recover) as subscription,
+        bus.subscribe(key_expr, keep, recover=recover) as subscription,
         asyncio.TaskGroup() as group,
     ):
         counting = group.create_task(_count_missed(fleet, subscription, of))
         async for batch in subscription.batches(AT_ONCE):
-            for sample in batch:
+            async for sample in in_turns(batch):
                 if sample.replaced:
                     fleet.left_out["messages that came too fast"] += sample.replaced
                 try:
@@ -283,21 +292,21 @@ def _gateway_status(fleet: Fleet, sample: Sample) -> None:
     status = codec.decode(GatewayStatus, sample.payload, sample.encoding)
     if status.robot != keys.parse_robot(sample.key):
         raise SchemaError(f"status of {status.robot}")
-    fleet.gateway_status(status, sample.received_ns)
+    fleet.gateway_status(status, sample.received_ns, len(sample.payload))
 
 
 def _worker_status(fleet: Fleet, sample: Sample) -> None:
     status = codec.decode(WorkerStatus, sample.payload, sample.encoding)
     if (status.service, status.worker) != worker_keys.parse_worker(sample.key):
         raise SchemaError(f"status of {status.service}/{status.worker}")
-    fleet.worker_status(status, sample.received_ns)
+    fleet.worker_status(status, sample.received_ns, len(sample.payload))
 
 
 def _site_status(fleet: Fleet, sample: Sample) -> None:
     status = codec.decode(SiteStatus, sample.payload, sample.encoding)
     if status.site != worker_keys.parse_world(sample.key)[0]:
         raise SchemaError(f"status of site {status.site}")
-    fleet.sites.take(status, sample.received_ns)
+    fleet.sites.take(status, sample.received_ns, len(sample.payload))
     fleet.world.hear(status)
 
 

@@ -87,8 +87,8 @@ class Clocks:
 CLOCK_WAIT_NS: Final = 2 * NS
 """Maximum wait for a robot's clock."""
 
-MAX_HELD_BACK: Final = 100_000
-"""Maximum number of lists held back for all cameras; at the limit a camera's lists are released."""
+MAX_HELD_BACK: Final = 400_000
+"""Maximum number of lists, and classes and spans in them, held back for all cameras; then a camera's are released."""
 
 
 class Arrival(NamedTuple):
@@ -119,7 +119,7 @@ class ClockHoldback:
         if key not in self._waiting and (not kept or self._is_dated(header, arrival.received_ns)):
             return [arrival]
         self._waiting.setdefault(key, []).append(arrival)
-        self._count += 1
+        self._count += _parts(arrival)
         return self._taken(key) if self._count > MAX_HELD_BACK else []
 
     def due(self, now_ns: int) -> Iterator[list[Arrival]]:
@@ -141,7 +141,7 @@ class ClockHoldback:
         One that would be newer, or too old to be true, is left as it came: the robot's clock was set.
         """
         waiting = self._waiting.pop(key)
-        self._count -= len(waiting)
+        self._count -= sum(map(_parts, waiting))
         if self._is_known(waiting):
             return waiting
         newest = waiting[-1]
@@ -151,3 +151,7 @@ class ClockHoldback:
             each._replace(received_ns=each.received_ns - older) if 0 <= older <= MAX_LAG_NS else each
             for each, older in zip(waiting, older_ns, strict=True)
         ]
+
+
+def _parts(arrival: Arrival) -> int:
+    return 1 + len(arrival.seen.classes) + len(arrival.seen.spans)

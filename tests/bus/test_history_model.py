@@ -6,7 +6,8 @@ from random import Random
 
 import pytest
 
-from bus.history.ordering import Fetch, History, Numbered
+from bus.history.key_state import Fetch, Numbered
+from bus.history.ordering import History
 
 KEY = "fleet/r1/front/classes"
 ALL = 1_000

@@ -30,7 +30,7 @@ KEYS = [
     b"fleet/r1/ros/a/b",
     b"workers/detector/w1/1.5/-/alive",
     b"workers/detector/w1/serves/r1/front",
-    b"fleet/r1/front/budget",
+    b"fleet/r1/front/budget/w1",
     b"front/depth_info",
     b"tf_static",
 ]

@@ -27,11 +27,11 @@ def test_robot_keys_parse_back(name: str) -> None:
 @given(names, names.filter(lambda name: name not in keys.RESERVED))
 def test_what_consumers_can_use_parses_back(robot: str, camera: str) -> None:
     key = CameraKey(robot, camera)
-    assert consumer_keys.parse_budget(consumer_keys.budget(key)) == key
-    assert matches(consumer_keys.budget(key), consumer_keys.every_budget(robot))
+    assert consumer_keys.parse_budget(consumer_keys.budget(key, robot)) == (key, robot)
+    assert matches(consumer_keys.budget(key, robot), consumer_keys.every_budget(robot))
 
 
-@pytest.mark.parametrize("key", ["workers/detector/w1/1/alive", "fleet/r1/ros/budget", "fleet/r1/front/color/budget"])
+@pytest.mark.parametrize("key", ["workers/detector/w1/1/alive", "fleet/r1/ros/budget/w", "fleet/r1/front/budget"])
 def test_other_keys_are_no_budgets(key: str) -> None:
     with pytest.raises(SchemaError):
         consumer_keys.parse_budget(key)
@@ -182,9 +182,9 @@ def test_named_streams_are_one_each(stream: str) -> None:
 
 @pytest.mark.parametrize("kind", sorted(keys.NAMED_STREAMS))
 def test_no_named_stream_has_the_key_of_a_cameras_budgets(kind: str) -> None:
-    assert matches(f"fleet/r1/{kind}/budget", consumer_keys.every_budget("r1"))
+    assert matches(f"fleet/r1/{kind}/budget/arm", consumer_keys.every_budget("r1"))
     with pytest.raises(SchemaError, match="'budget' is reserved"):
-        RobotStreamKey("r1", f"{kind}/budget")
+        RobotStreamKey("r1", f"{kind}/budget/arm")
     assert RobotStreamKey("r1", f"{kind}/arm/budget").name == f"{kind}/arm/budget"
 
 

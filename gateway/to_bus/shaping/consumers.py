@@ -19,6 +19,12 @@ MAX_BUDGETS: Final = 10_000
 
 SECOND_NS: Final = 1_000_000_000
 
+FEWEST_HZ: Final = 0.1
+"""Lowest rate, in frames a second, to which consumers can bring a stream: no budget stops one, whoever sends it."""
+
+VALID_NS: Final = 15 * SECOND_NS
+"""Time for which a budget counts unless it is said again: consumers repeat theirs every 5 s."""
+
 LATE: Final = 0.7
 """Fraction of an interval by which a frame may be late without delaying the next one."""
 
@@ -28,17 +34,23 @@ class Allowance:
 
     def __init__(self) -> None:
         self.hz = math.inf
+        self._said_ns = 0
         self._due_ns = 0
         self._longest_ns = 0
 
     def say(self, budget: RateBudget, now_ns: int) -> None:
-        """Set a consumer's rate; repeating it does not bring the next frame forward."""
-        hz = math.inf if budget.hz is None else budget.hz
+        """Set a consumer's rate, FEWEST_HZ or more; repeating it does not bring the next frame forward."""
+        hz = math.inf if budget.hz is None else max(FEWEST_HZ, budget.hz)
+        self._said_ns = now_ns
         if hz == self.hz and not budget.wait_s:
             return
         self.hz = hz
-        self._longest_ns = round(budget.wait_s * SECOND_NS)
+        self._longest_ns = round(min(budget.wait_s, 1 / FEWEST_HZ) * SECOND_NS)
         self._due_ns = now_ns + self._longest_ns
+
+    def counts(self, now_ns: int) -> bool:
+        """Whether it was said lately, also by a clock that was set."""
+        return abs(now_ns - self._said_ns) <= VALID_NS
 
     def passes(self, now_ns: int) -> bool:
         """Return whether a frame that arrives now is sent."""
@@ -53,7 +65,7 @@ class Allowance:
 
 
 class Budgets:
-    """Rates that consumers requested, valid while they want the stream; the newest MAX_BUDGETS are remembered.
+    """Rates that consumers requested, valid for VALID_NS while they want the stream; at most MAX_BUDGETS, the newest.
 
     A word can come when its consumer's token has gone already, and is then forgotten only to make room.
     """
@@ -89,9 +101,10 @@ class Budgets:
         can who is not known, if nobody is.
         """
         found = [self._allowances.get((key, each.consumer)) for each in consumers]
-        if not found or None in found:
+        counting = [each for each in found if each is not None and each.counts(now_ns)]
+        if not counting or len(counting) < len(found):
             return True
-        return max((each for each in found if each), key=lambda each: each.hz).passes(now_ns)
+        return max(counting, key=lambda each: each.hz).passes(now_ns)
 
 
 MAX_CONSUMERS: Final = 10_000
@@ -148,8 +161,7 @@ class Consumers:
     def note_budget(self, sample: Sample) -> None:
         """Note the rate that a consumer can use."""
         try:
-            budget = codec.decode(RateBudget, sample.payload, sample.encoding)
-            self._budgets.say(consumer_keys.parse_budget(sample.key), budget, sample.received_ns)
+            self._budgets.say(*_read_budget(sample), sample.received_ns)
         except SchemaError as error:
             log.warning("%s: budget left out: %s", sample.key[:200], error)
 
@@ -168,6 +180,19 @@ class Consumers:
         async with bus.subscribe(consumer_keys.every_budget(self._robot), QUEUE(BUDGETS_WAITING), few=True) as budgets:
             async for sample in budgets:
                 self.note_budget(sample)
+
+
+def _read_budget(sample: Sample) -> tuple[CameraKey, RateBudget]:
+    """Return a budget and its camera.
+
+    Raises:
+        SchemaError: it is none, or another consumer's than its key says.
+    """
+    budget = codec.decode(RateBudget, sample.payload, sample.encoding)
+    camera, consumer = consumer_keys.parse_budget(sample.key)
+    if budget.consumer != consumer:
+        raise SchemaError(f"it is {budget.consumer}'s, the key says {consumer}")
+    return camera, budget
 
 
 def stays_near(settings: BusSettings) -> bool:

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from itertools import islice
 from typing import Final
@@ -18,7 +18,8 @@ from services.monitor.event_loop import in_turns
 from services.monitor.history.state import Act
 from services.monitor.inventory.availability import AbsenceTracker, AvailabilityTracker
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.inventory import MAX_MEMBERS, Inventory
+from services.monitor.inventory.inventory import Inventory
+from services.monitor.inventory.room import MAX_MEMBERS
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.liveness import SETTLE_NS, Heartbeat
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
@@ -78,6 +79,18 @@ class Alerting:
         self._alerts = alerts_to_robots()
         self._actions = actions_to_robots()
         self._webhooks = Webhooks()
+        inventory.on_leave(self._leave)
+        inventory.room.held = self._held
+
+    def _held(self) -> set[tuple[str, str]]:
+        """Return the robots, and cameras, with open alerts."""
+        return {(alert.robot, alert.camera) for alert in self.alerts()}
+
+    def _leave(self, left: Collection[CameraView]) -> None:
+        """Forget cameras that made room for others."""
+        self._unsteady.difference_update(view.key for view in left)
+        if self._engine is not None:
+            self._engine.forget({(view.key.robot, view.key.camera) for view in left})
 
     def lead(self, alerts: Sequence[Alert], acts: Iterable[Act] = ()) -> None:
         """Begin to raise alerts, continuing those that another monitor, or an earlier run, left unresolved.
@@ -236,7 +249,11 @@ class Alerting:
         """Return the robots and the cameras that are new, came or went."""
         robots, cameras = self._news.robots, self._news.cameras
         self._news.robots, self._news.cameras = set(), set()
-        self._robots.update(islice(robots - self._robots, MAX_MEMBERS - len(self._robots)))
+        if len(self._robots | robots) > MAX_MEMBERS:
+            held = {robot for robot, _ in self._held()}
+            self._robots = {robot for robot in self._robots if robot in held or self._inventory.is_alive(robot)}
+            self._absentees.keep_robots(self._robots | robots)
+        self._robots.update(islice(robots - self._robots, max(0, MAX_MEMBERS - len(self._robots))))
         return robots & self._robots, cameras
 
     def _views(self, keys: Iterable[CameraKey]) -> Iterator[CameraView]:

@@ -149,6 +149,9 @@ class Disagreements:
             camera = self._inventory.camera(key)
             if camera is not None:
                 self._note(camera, now_ns)
+            else:  # it made room for others
+                for name in self._open.pop(key, ()):
+                    self._ledger.end(Disagreement, (key, name), now_ns)
             yield
 
     def _note(self, camera: CameraView, now_ns: int) -> None:

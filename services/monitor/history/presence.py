@@ -124,3 +124,5 @@ class KnownPoses:
     def written(self, poses: Mapping[str, Pose]) -> None:
         """Mark poses as written."""
         self._written.update(poses)
+        for robot in self._written.keys() - self._places.poses.keys():
+            del self._written[robot]

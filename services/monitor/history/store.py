@@ -59,7 +59,7 @@ from services.monitor.history.tables import (
     presence,
     webhook_backlog,
 )
-from services.monitor.inventory.inventory import MAX_MEMBERS
+from services.monitor.inventory.room import MAX_MEMBERS
 from services.monitor.map.pose import Pose
 
 LOCK: Final = 0x666C656574

@@ -4,9 +4,10 @@ The states are defined in `services.monitor.liveness`.
 """
 
 import heapq
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
-from itertools import count, islice
+from itertools import count
 from typing import Final, Generic, TypeVar
 
 from schemas.keys import CameraKey
@@ -37,12 +38,14 @@ class AvailabilityTracker:
         self._silent: set[CameraView] = set()
         self._deadlines: list[tuple[int, int, CameraView]] = []
         self._waiting: set[CameraView] = set()
+        self._left: list[CameraView] = []
         self._numbers = count()
         self._now_ns = 0
+        inventory.on_leave(self._leave)
 
     def advance(self, now_ns: int, told: Iterable[CameraView] = ()) -> list[CameraView]:
         """Return the cameras that became available or silent by `now_ns`. told: cameras to check in any case."""
-        self._meet(list(islice(self._inventory.cameras(), self._known, None)), now_ns)
+        self._meet(self._inventory.cameras_after(self._known), now_ns)
         looked_at = {*told, *self._due(now_ns)} - self._silent
         began = [view for view in self._silent if self._rule(view, now_ns)]
         ceased = [view for view in looked_at if not self._rule(view, now_ns)]
@@ -51,10 +54,20 @@ class AvailabilityTracker:
         for view in (*began, *looked_at.difference(ceased)):
             newest_ns = min(view.last_ns, now_ns)  # after a clock was set back, earlier arrivals are in the future
             self._wait(view, max(now_ns, newest_ns + self._inventory.limits.stale_ns) + 1)
-        return [*began, *ceased]
+        left, self._left = self._left, []
+        return [*began, *ceased, *left]
 
-    def _meet(self, new: Sequence[CameraView], now_ns: int) -> None:
-        self._known += len(new)
+    def _leave(self, left: Collection[CameraView]) -> None:
+        """Forget cameras; those that were available are returned once more."""
+        gone = set(left)
+        self._left += gone & self._waiting
+        self._silent -= gone
+        self._waiting -= gone
+        self._deadlines = [each for each in self._deadlines if each[2] not in gone]
+        heapq.heapify(self._deadlines)
+
+    def _meet(self, new: Collection[CameraView], now_ns: int) -> None:
+        self._known = max([self._known, *(view.number for view in new)])
         if not self._new_available:
             self._silent.update(new)
             return
@@ -116,6 +129,11 @@ class Absence(Generic[K]):
             self._sure[who] = self._waiting.pop(who).since_ns
         return ripe
 
+    def keep(self, known: Callable[[K], bool]) -> None:
+        """Forget all members that are not known."""
+        self._waiting = {who: absent for who, absent in self._waiting.items() if known(who)}
+        self._sure = {who: since_ns for who, since_ns in self._sure.items() if known(who)}
+
     def since_ns(self, who: K) -> int | None:
         """Return since when a member is absent; None while that is not confirmed."""
         return self._sure.get(who)
@@ -131,6 +149,17 @@ class AbsenceTracker:
         self._gone = Absence[CameraKey]()
         self._mute = Absence[CameraKey]()
         self._came: set[CameraKey] = set()
+        inventory.on_leave(self._leave)
+
+    def _leave(self, left: Collection[CameraView]) -> None:
+        for view in left:
+            self._gone.drop(view.key)
+            self._mute.drop(view.key)
+            self._came.discard(view.key)
+
+    def keep_robots(self, known: AbstractSet[str]) -> None:
+        """Forget all other robots."""
+        self._robots.keep(known.__contains__)
 
     def clear(self) -> None:
         """Start over: members that were absent may be present by now."""

@@ -11,7 +11,7 @@ from schemas.distances import Distances, ObjectDistance
 from schemas.header import FrameOrder
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change, ChangeKind, Debounce, Sighting
-from services.monitor.inventory.view import MAX_CLASSES, ModelView, Tracked, Vocabularies
+from services.monitor.inventory.view import MAX_CLASSES, ClassRoom, ModelView, Tracked, Vocabularies
 from services.monitor.liveness import is_view_current
 
 MAX_MODELS: Final = 4
@@ -27,14 +27,29 @@ _NAME: Final = attrgetter("name")
 class CameraView:
     """One camera's sightings. The first model heard is primary until it has been silent for a while.
 
-    views: by model, those that may be primary. opinions: by model, those that never are. vocabularies: read when models
-    are compared.
+    number: grows with each camera of an inventory. views: by model, those that may be primary. opinions: those that
+    never are. vocabularies: read when models are compared.
     """
 
-    __slots__ = ("_distance_order", "_opined_ns", "_vocabularies", "key", "lost", "opinions", "primary", "views")
+    __slots__ = (
+        "_distance_order",
+        "_opined_ns",
+        "_room",
+        "_vocabularies",
+        "key",
+        "lost",
+        "number",
+        "opinions",
+        "primary",
+        "views",
+    )
 
-    def __init__(self, key: CameraKey, vocabularies: Vocabularies | None = None) -> None:
+    def __init__(
+        self, key: CameraKey, vocabularies: Vocabularies | None = None, number: int = 0, room: ClassRoom | None = None
+    ) -> None:
         self.key = key
+        self.number = number
+        self._room = room
         self._vocabularies = {} if vocabularies is None else vocabularies
         self.views: dict[str, ModelView] = {}
         self.opinions: dict[str, ModelView] = {}
@@ -90,7 +105,7 @@ class CameraView:
         if view is None:
             if len(self.opinions) >= MAX_MODELS:
                 del self.opinions[min(self.opinions.values(), key=lambda view: view.last_ns).model]
-            view = self.opinions[seen.model] = ModelView(seen.model, at_ns, worker_keys.OPINION)
+            view = self.opinions[seen.model] = ModelView(seen.model, at_ns, worker_keys.OPINION, room=self._room)
         if not view.order.take(seen.header, at_ns):
             return False
         if at_ns - view.last_ns > silent_ns:
@@ -135,7 +150,8 @@ class CameraView:
     def restore(self, sighting: Sighting) -> None:
         """Take a stored sighting, whatever its model; the first model heard becomes primary."""
         view = self.primary or self._add(sighting.model, sighting.last_ns)
-        if sighting.count or len(view.classes) < MAX_CLASSES:
+        fits = self._room is None or sighting.name in view.classes or self._room.take(sighting.name)
+        if fits and (sighting.count or len(view.classes) < MAX_CLASSES):
             tracked = view.classes[sighting.name] = Tracked(sighting.count)
             tracked.score, tracked.worker, tracked.closest_m = sighting.score, sighting.worker, sighting.closest_m
             tracked.first_ns, tracked.last_ns = sighting.first_ns, sighting.last_ns
@@ -190,7 +206,7 @@ class CameraView:
         if len(self.views) >= MAX_MODELS:
             silent = [view for view in self.views.values() if view is not self.primary]
             del self.views[min(silent, key=lambda view: view.last_ns).model]
-        view = self.views[model] = ModelView(model, at_ns)
+        view = self.views[model] = ModelView(model, at_ns, room=self._room)
         if self.primary is None:
             self.primary = view
         return view

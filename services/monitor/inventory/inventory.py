@@ -1,11 +1,13 @@
 """The inventory: the objects in view of every camera of the fleet, and since when. Pure."""
 
 from bisect import bisect_left, bisect_right, insort
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
+from itertools import chain, takewhile
 from operator import attrgetter
 from typing import Final
+from weakref import WeakMethod
 
 import msgspec
 
@@ -13,17 +15,12 @@ from schemas.detections import ClassList
 from schemas.distances import Distances
 from schemas.keys import CameraKey, camera_key
 from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.room import MAX_MEMBERS, MAX_ROBOT_CAMERAS, CameraRoom, check_room
 from services.monitor.inventory.sighting import NS, Change, Debounce, Sighting
+from services.monitor.inventory.view import MAX_CLASS_BYTES, ClassRoom
 from services.monitor.liveness import LOST_S, STALE_S
 
-MAX_MEMBERS: Final = 20_000
-"""Maximum number of robots, or cameras, followed; a flood of names cannot fill memory."""
-
 MAX_NS: Final = 2**63 - 1
-
-
-class InventoryFullError(Exception):
-    """The limit of robots or cameras is reached."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,16 +50,23 @@ class News:
     cameras: set[CameraKey] = field(default_factory=set)
     robots: set[str] = field(default_factory=set)
 
-    def tell(self, robot: str) -> None:
-        """Note a robot; at most MAX_MEMBERS until they are taken."""
+    def tell(self, robot: str, cameras: Iterable[CameraKey] = ()) -> None:
+        """Note a robot and cameras of it; at most MAX_MEMBERS of either until they are taken."""
         if len(self.robots) < MAX_MEMBERS:
             self.robots.add(robot)
+        self.cameras.update(cameras)
+
+
+OnLeave = Callable[[Collection[CameraView]], None]
+"""Is told of cameras that left the inventory to make room; nothing about them is to be remembered."""
 
 
 class Inventory:
     """The objects in view of every camera. Times are nanoseconds since the epoch on this machine's clock.
 
-    Every method that may add a member raises InventoryFullError when there are MAX_MEMBERS already.
+    Every method that may add a member raises InventoryFullError when there are MAX_MEMBERS already and none is absent.
+
+    room: which cameras make room for new ones.
     """
 
     def __init__(self, limits: TrustLimits | None = None) -> None:
@@ -71,7 +75,11 @@ class Inventory:
         self._cameras: dict[CameraKey, CameraView] = {}
         self._in_order: list[CameraKey] = []
         self._alive: set[str] = set()
-        self._present: set[CameraKey] = set()
+        self.room = CameraRoom()
+        self._class_room = ClassRoom()
+        self._added = 0
+        self._on_leave: list[WeakMethod[OnLeave]] = []
+        self._gave_up: list[Change] = []
         self._disputed: set[CameraKey] = set()
         self._recalled: dict[str, int] = {}
         self._forgotten: set[str] = set()
@@ -86,7 +94,7 @@ class Inventory:
     def robot_presence(self, robot: str, *, alive: bool) -> None:
         """Note that a robot's gateway came or went."""
         if alive:
-            make_room(self._alive, robot)
+            check_room(self._alive, robot)
             self._remember(robot)
         (self._alive.add if alive else self._alive.discard)(robot)
         self._tell(robot)
@@ -114,19 +122,18 @@ class Inventory:
 
     def _tell(self, robot: str) -> None:
         for news in self._followers:
-            news.tell(robot)
-            news.cameras.update(self.in_order(robot))
+            news.tell(robot, self.in_order(robot))
 
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went is remembered."""
-        self._camera(key)
-        (self._present.add if alive else self._present.discard)(key)
+        self._camera(key, announced=True)
+        self.room.note(key, alive=alive)
         for news in self._followers:
             news.cameras.add(key)
 
     def worker_reports(self, service: str, worker: str, classes: Iterable[str]) -> None:
         """Take the classes that a worker reports."""
-        make_room(self._vocabularies, (service, worker))
+        check_room(self._vocabularies, (service, worker))
         self._vocabularies[service, worker] = frozenset(classes)
 
     def forget_worker(self, service: str, worker: str) -> None:
@@ -143,6 +150,9 @@ class Inventory:
         changes = camera.see(seen, max(1, at_ns), of.debounce, of.stale_ns, of.lost_ns)
         if len(camera.views) > 1:
             self._disputed.add(camera.key)
+        self.room.heard(camera.key)
+        if self._gave_up and changes is not None:
+            changes = [*self._take_given_up(), *changes]
         return changes
 
     def opine(self, seen: ClassList, at_ns: int) -> bool:
@@ -158,7 +168,9 @@ class Inventory:
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a duplicate or late."""
-        return self._camera(camera_key(distances.header.robot, distances.header.camera)).measure(distances, at_ns)
+        camera = self._camera(camera_key(distances.header.robot, distances.header.camera))
+        self.room.heard(camera.key)
+        return camera.measure(distances, at_ns)
 
     def tick(self, now_ns: int) -> list[Change]:
         """Advance time; return the sightings that became unknown."""
@@ -167,8 +179,18 @@ class Inventory:
         self._ticked_ns = now_ns
         fresh_ns, since_ns = now_ns - self.limits.stale_ns, now_ns - self.limits.lost_ns
         self._disputed = {key for key in self._disputed if self._cameras[key].contested(fresh_ns)}
+        self._recount_classes()
+        self.room.tick(now_ns)
         silent = [each for each in self._cameras.values() if each.is_forsaken(since_ns)]
-        return [change for camera in silent for change in camera.lose()]
+        return [*self._take_given_up(), *(change for camera in silent for change in camera.lose())]
+
+    def _recount_classes(self) -> None:
+        """Count the bytes of classes where there may be many; absent cameras leave where there are too many."""
+        if self._class_room.bytes > MAX_CLASS_BYTES // 2:
+            views = (chain(each.views.values(), each.opinions.values()) for each in self._cameras.values())
+            self._class_room.recount(chain.from_iterable(views))
+        if self._class_room.bytes > MAX_CLASS_BYTES * 3 // 4:
+            self._leave(self.room.leaving_for_classes())
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now: the clock was set back."""
@@ -180,9 +202,15 @@ class Inventory:
 
         The model of the newest one becomes primary, as after a silent one, and continues all of them.
         """
-        for sighting in sorted(sightings, key=_newness, reverse=True):
-            if sighting.key in self._cameras or len(self._cameras) < MAX_MEMBERS:
-                self._camera(sighting.key).restore(sighting)
+        newest_first = sorted(sightings, key=_newness, reverse=True)
+        for sighting in newest_first:
+            if sighting.key in self._cameras or (
+                len(self._cameras) < MAX_MEMBERS and self.room.of(sighting.key.robot) < MAX_ROBOT_CAMERAS
+            ):
+                self._camera(sighting.key, announced=True).restore(sighting)
+        for sighting in sorted(newest_first, key=attrgetter("last_ns")):
+            if sighting.key in self._cameras:
+                self.room.note(sighting.key, alive=False)
 
     def recall(self, there: Mapping[tuple[str, str], int], since_ns: int) -> None:
         """Take stored times until which robots, and cameras (else ''), were present, before anything else is taken.
@@ -190,13 +218,17 @@ class Inventory:
         Who follows is told of those that were there at `since_ns`, or later; cameras that were not are left out, and
         so are those over the limit, the longest ago first.
         """
-        for (robot, camera), until_ns in sorted(there.items(), key=lambda each: -each[1]):
+        newest_first = sorted(there.items(), key=lambda each: -each[1])
+        for (robot, camera), until_ns in newest_first:
             if not camera and len(self._recalled) < MAX_MEMBERS:
                 self._recalled[robot] = until_ns
                 for news in self._followers if until_ns >= since_ns else ():
                     news.tell(robot)
             elif camera and until_ns >= since_ns and len(self._cameras) < MAX_MEMBERS:
-                self._camera(CameraKey(robot, camera))
+                self._camera(CameraKey(robot, camera), announced=True)
+        for (robot, camera), _ in reversed(newest_first):
+            if camera and (key := CameraKey(robot, camera)) in self._cameras:
+                self.room.note(key, alive=False)
 
     def recalled(self) -> Mapping[str, int]:
         """Return the robots that were present before this monitor started, and until when."""
@@ -214,6 +246,16 @@ class Inventory:
         """Return every camera ever seen; read only."""
         return self._cameras.values()
 
+    def cameras_after(self, number: int) -> list[CameraView]:
+        """Return the cameras with a number above one, in order of it; see `CameraView`."""
+        new = list(takewhile(lambda view: view.number > number, reversed(self._cameras.values())))
+        return new[::-1]
+
+    def on_leave(self, told: OnLeave) -> None:
+        """Have a method told of cameras that leave to make room, for as long as its object is there."""
+        self._on_leave = [each for each in self._on_leave if each() is not None]
+        self._on_leave.append(WeakMethod(told))
+
     def in_order(self, robot: str = "") -> tuple[CameraKey, ...]:
         """Return every camera ever seen, or those of one robot, by robot and name; without forgotten robots."""
         return tuple(of_robot(self._in_order, robot) if robot else self._in_order)
@@ -228,7 +270,7 @@ class Inventory:
 
     def online(self, key: CameraKey) -> bool:
         """Whether a camera and its robot's gateway are online."""
-        return key in self._present and key.robot in self._alive
+        return key in self.room.present and key.robot in self._alive
 
     def is_available(self, camera: CameraView, now_ns: int) -> bool:
         """Whether a camera's view is current."""
@@ -246,17 +288,39 @@ class Inventory:
         of = sorted(view.sightings(now_ns - self.limits.stale_ns), key=attrgetter("name"))
         return [Entry(sighting, available) for sighting in of]
 
-    def _camera(self, key: CameraKey) -> CameraView:
+    def _camera(self, key: CameraKey, *, announced: bool = False) -> CameraView:
         found = self._cameras.get(key)
         if found is None:
-            make_room(self._cameras, key)
-            found = self._cameras[key] = CameraView(key, self._vocabularies)
+            self._leave(self.room.leaving(key, announced=announced))
+            self._added += 1
+            found = self._cameras[key] = CameraView(key, self._vocabularies, self._added, self._class_room)
+            self.room.add(key)
             if key.robot not in self._forgotten:
                 insort(self._in_order, key)
             for news in self._followers:
-                news.cameras.add(key)
-                news.tell(key.robot)
+                news.tell(key.robot, [key])
         return found
+
+    def _leave(self, keys: Collection[CameraKey]) -> None:
+        """Forget cameras; what was in view of them is given up."""
+        if not keys:
+            return
+        left = [self._cameras.pop(key) for key in keys]
+        for view in left:
+            self.room.remove(view.key)
+            self._disputed.discard(view.key)
+            if not view.lost:
+                self._gave_up += view.lose()
+        self._in_order = [key for key in self._in_order if key in self._cameras]
+        for news in self._followers:
+            news.cameras.difference_update(keys)
+        for method in self._on_leave:
+            if (told := method()) is not None:
+                told(left)
+
+    def _take_given_up(self) -> list[Change]:
+        given_up, self._gave_up = self._gave_up, []
+        return given_up
 
 
 def of_robot(in_order: Sequence[CameraKey], robot: str) -> Sequence[CameraKey]:
@@ -267,9 +331,3 @@ def of_robot(in_order: Sequence[CameraKey], robot: str) -> Sequence[CameraKey]:
 
 def _newness(sighting: Sighting) -> tuple[bool, int, int]:
     return (sighting.count > 0, sighting.last_ns, sighting.since_ns)
-
-
-def make_room(members: Collection[object], name: object) -> None:
-    """Raise InventoryFullError if there are MAX_MEMBERS and `name` is none of them."""
-    if name not in members and len(members) >= MAX_MEMBERS:
-        raise InventoryFullError(f"{len(members)} are followed already, {name} is left out")

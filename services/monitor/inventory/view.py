@@ -1,7 +1,9 @@
 """The view of one model on one camera. Pure."""
 
+import sys
 from collections.abc import Iterable, Mapping
 from collections.abc import Set as AbstractSet
+from itertools import islice
 from typing import Final
 
 from schemas import worker_keys
@@ -13,12 +15,44 @@ from services.monitor.inventory.sighting import NS, Debounce, DebouncedCount, Si
 Vocabularies = Mapping[tuple[str, str], AbstractSet[str]]
 """The classes that workers say they report, by service and worker."""
 
+MAX_CLASS_BYTES: Final = 64 << 20
+"""Most bytes, about, that the classes of all cameras take; known ones go on beyond that, new ones are left out."""
+
+CLASS_BYTES: Final = 400
+"""Bytes that a class in a view takes beside its name."""
+
 MAX_CLASSES: Final = 64
 """How many classes of one camera are remembered; those not in view longest make room."""
 
 
+MOST_LISTED: Final = 2 * MAX_CLASSES
+"""How many classes of a list are looked at: the first ones."""
+
 REPLAY_NS: Final = NS
 """Time after a restart within which the lists kept by publishers arrive: many were taken before it."""
+
+
+class ClassRoom:
+    """The bytes that the classes of all cameras take, at most: what was forgotten counts until the next `recount`."""
+
+    def __init__(self) -> None:
+        self.bytes = 0
+
+    def take(self, name: str) -> bool:
+        """Note a new class of a view; return whether there is room for it."""
+        fits = self.bytes < MAX_CLASS_BYTES
+        if fits:
+            self.bytes += bytes_of(name)
+        return fits
+
+    def recount(self, views: Iterable["ModelView"]) -> None:
+        """Count what is there."""
+        self.bytes = sum(bytes_of(name) for view in views for name in view.classes)
+
+
+def bytes_of(name: str) -> int:
+    """Return the bytes that a class takes, about."""
+    return CLASS_BYTES + sys.getsizeof(name)
 
 
 class Tracked:
@@ -114,6 +148,7 @@ class ModelView:
 
     __slots__ = (
         "_listed_ns",
+        "_room",
         "began_ns",
         "classes",
         "last_ns",
@@ -125,7 +160,10 @@ class ModelView:
         "worker",
     )
 
-    def __init__(self, model: str, began_ns: int, service: str = worker_keys.DETECTOR) -> None:
+    def __init__(
+        self, model: str, began_ns: int, service: str = worker_keys.DETECTOR, *, room: ClassRoom | None = None
+    ) -> None:
+        self._room = room
         self.model = model
         self.service = service
         self.worker = ""
@@ -169,7 +207,7 @@ class ModelView:
         self.settled = self.settled or (enough and at_ns - self._listed_ns >= debounce.appear_ns)
         moved: list[str] = []
         in_view = 0
-        for each in seen.classes:
+        for each in islice(seen.classes, MOST_LISTED):
             tracked = self.classes.get(each.name) or self._add(each.name)
             if tracked is not None and tracked.listed != self.lists:
                 tracked.listed = self.lists
@@ -206,5 +244,7 @@ class ModelView:
             if not gone:
                 return None
             del self.classes[min(gone)[1]]
+        if self._room is not None and not self._room.take(name):
+            return None
         tracked = self.classes[name] = Tracked()
         return tracked

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from schemas.distances import Distances, ObjectDistance
-from services.monitor.inventory.inventory import MAX_MEMBERS
+from services.monitor.inventory.room import MAX_MEMBERS
 from services.monitor.liveness import is_pose_live
 from services.monitor.map.pose import MAP, DrawnRobot, Pose, pose_of
 
@@ -113,6 +113,11 @@ class SightingMap:
             known = self.poses.get(name)
             if known is None or known.at_ns < pose.at_ns:
                 self.poses[name] = pose
+
+    def forget(self, robot: str) -> None:
+        """Forget a robot's pose."""
+        self.poses.pop(robot, None)
+        self._sought_ns.pop(robot, None)
 
     def marks(self, now_ns: int, *, robot: str = "") -> list[MapObject]:
         """Return the objects' places, newest first; of one robot if it is named.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from schemas.world import SiteStatus
+from services.monitor.status_bytes import StatusBytes
 
 FRESH_NS: Final = 5_000_000_000
 """Age from which a site's status is no longer current: its world model says one a second."""
@@ -30,13 +31,21 @@ class Sites:
 
     def __init__(self) -> None:
         self._known: dict[str, KnownSite] = {}
+        self._bytes = StatusBytes[str]()
 
-    def take(self, status: SiteStatus, received_ns: int) -> None:
-        """Take a status; of more sites than MAX_SITES the one heard of longest ago is forgotten."""
+    def take(self, status: SiteStatus, received_ns: int, size: int = 0) -> None:
+        """Take a status of `size` bytes; of more sites than MAX_SITES the one heard of longest ago is forgotten.
+
+        Raises:
+            SchemaError: there are too many bytes of statuses already, see `StatusBytes`.
+        """
+        self._bytes.take(status.site, size)
         self._known.pop(status.site, None)
         self._known[status.site] = KnownSite(status, received_ns)
         if len(self._known) > MAX_SITES:
-            del self._known[next(iter(self._known))]
+            oldest = next(iter(self._known))
+            self._bytes.drop(oldest)
+            del self._known[oldest]
 
     def of(self, site: str) -> KnownSite | None:
         """Return what is known of a site, None if nothing is."""

@@ -1,6 +1,6 @@
 """Applies rules over time: hold times, cooldowns and the states of alerts. Pure."""
 
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Collection, Container, Iterable, Iterator
 from typing import Final, cast
 
 import msgspec
@@ -8,17 +8,9 @@ import msgspec
 from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change
+from services.monitor.rules import model
 from services.monitor.rules.findings import CameraState, Finding, findings, found_in, offline_text
-from services.monitor.rules.model import (
-    AnyRule,
-    DisagreeRule,
-    RuleBook,
-    SilentRule,
-    WorldRule,
-    is_about,
-    opening_ns,
-    same_rule,
-)
+from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, WorldRule
 from services.monitor.rules.subjects import (
     Effect,
     PendingSubjects,
@@ -74,7 +66,7 @@ class RuleEngine:
     def replace(self, book: RuleBook, now_ns: int) -> None:
         """Put other rules in force. Unchanged rules continue; the alerts of removed ones resolve."""
         before = {rule.name: rule for rule in self._book.rules}
-        same = {rule.name for rule in book.rules if same_rule(rule, before.get(rule.name))}
+        same = {rule.name for rule in book.rules if model.same_rule(rule, before.get(rule.name))}
         kept = {name: subjects for name, subjects in self._subjects.items() if name in same}
         for alert, _ in list(self._alerts.values()):
             if alert.rule not in same:
@@ -107,7 +99,7 @@ class RuleEngine:
                 self._inherited.setdefault((alert.robot, alert.camera), set()).add(alert.name)
             if alert.id in escalated or had_escalated(alert, rule):
                 self._escalated.add(alert.id)
-            subject = self._subject(alert.rule, place) if rule is not None and is_about(rule, *place) else None
+            subject = self._subject(alert.rule, place) if rule is not None and model.is_about(rule, *place) else None
             if subject is None or subject.alert is not None:
                 self._change(alert, AlertState.RESOLVED, now_ns)
             else:
@@ -124,6 +116,16 @@ class RuleEngine:
                 found = found_in(change, rule)
                 if found is not None:
                     self._find(rule, (key.robot, key.camera, found.name, ""), found, now_ns)
+
+    def forget(self, cameras: Collection[tuple[str, str]]) -> None:
+        """Forget robots' cameras, but for the alerts about them."""
+        for camera in cameras:
+            self._unknown.discard(camera)
+            self._cameras.pop(camera, None)
+        for name, subjects in self._subjects.items():
+            for place in [place for place, of in subjects.items() if place[:2] in cameras and of.alert is None]:
+                self._waiting.discard(name, place)
+                del subjects[place]
 
     def concerns(self, key: CameraKey) -> bool:
         """Whether any rule is about a camera."""
@@ -170,7 +172,7 @@ class RuleEngine:
         ripening_ns = self._waiting.next_ns()
         moments = [
             *([] if ripening_ns is None else [ripening_ns]),
-            *(opening_ns(rule, now_ns) for rule in self._book.rules if rule.name in self._waiting.ripe),
+            *(model.opening_ns(rule, now_ns) for rule in self._book.rules if rule.name in self._waiting.ripe),
             *(due_ns for _, due_ns in self._escalations()),
         ]
         return min((moment for moment in moments if moment > now_ns), default=None)

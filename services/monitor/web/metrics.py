@@ -16,6 +16,7 @@ from schemas.alerts import Severity
 from schemas.keys import Stream
 from schemas.status import BEYOND_USE, GatewayStatus
 from schemas.worker_keys import DETECTOR
+from services.monitor.inventory.room import MAX_MEMBERS
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import CameraLine, RobotLine, Snapshot, WorkerLine
 from services.monitor.web.auth.gate import HEALTH, METRICS
@@ -59,12 +60,27 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     yield GaugeMetricFamily("fleetsight_robots", "Robots ever heard of and not forgotten.", len(snapshot.robots))
     yield GaugeMetricFamily("fleetsight_robots_online", "Robots online.", sum(each.online for each in snapshot.robots))
     yield GaugeMetricFamily("fleetsight_cameras", "Cameras of these robots.", len(snapshot.cameras))
+    room = monitor.fleet.inventory.room
+    yield GaugeMetricFamily("fleetsight_cameras_limit", "Maximum number of cameras followed.", MAX_MEMBERS)
+    yield CounterMetricFamily(
+        "fleetsight_cameras_made_room", "Absent cameras forgotten, as there were more names than the limit.", room.made
+    )
     yield GaugeMetricFamily(
         "fleetsight_unlabelled", "Robots, cameras and workers over the limit, without series.", _over(snapshot)
     )
     yield GaugeMetricFamily("fleetsight_mesh_up", "1 while the monitor can hear the fleet.", not monitor.health.problem)
     yield GaugeMetricFamily("fleetsight_links", "Zenoh links to the monitor.", monitor.bus.links.count)
     yield GaugeMetricFamily("fleetsight_links_limit", "Maximum number of Zenoh links.", monitor.bus.links.limit)
+    doubted = GaugeMetricFamily(
+        "fleetsight_doubted_names",
+        "Names that several speak under, or that access rules allow nothing.",
+        labels=["why"],
+    )
+    doubted.add_metric(["certificate at several addresses"], monitor.bus.links.copied)
+    doubted.add_metric(["certificate in no access rule"], monitor.bus.links.strangers)
+    doubted.add_metric(["robot with several gateways"], len(monitor.fleet.duplicates.robots()))
+    doubted.add_metric(["camera with several senders"], len(monitor.fleet.rivals.found(snapshot.now_ns)))
+    yield doubted
     yield GaugeMetricFamily("fleetsight_history_kept", "1 while the history is kept.", not history.problem)
     yield GaugeMetricFamily("fleetsight_history_pending", "History rows waiting for the database.", history.pending)
     yield CounterMetricFamily(

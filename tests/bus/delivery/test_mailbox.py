@@ -99,3 +99,13 @@ def test_fifo_against_a_model(steps: list[str | None], depth: int) -> None:
             continue
         first, item = waiting.pop(0)
         assert taken == Taken(first, item, dropped.pop(first, 0))
+
+
+def test_a_fifo_keeps_no_more_bytes_than_it_may_but_always_the_newest_item() -> None:
+    box: Fifo[str, bytes] = Fifo(100, 10, len)
+    assert [box.offer("a", b"1234") for _ in range(3)] == [0, 0, 1]
+    assert box.offer("b", b"x" * 99) == 2
+    assert box.take() == Taken("b", b"x" * 99, 0)
+    assert box.take() is None
+    assert [box.offer("a", b"1234") for _ in range(2)] == [0, 0]
+    assert box.take() == Taken("a", b"1234", 3)

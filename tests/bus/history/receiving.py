@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable
 
-from bus.history.ordering import Fetch, History, Hold, Numbered
+from bus.history.key_state import Fetch, Hold, Numbered
+from bus.history.ordering import History
 
 KEY = "fleet/r1/front/classes"
 HERE = f"{KEY}/@adv/pub/session/1/_"

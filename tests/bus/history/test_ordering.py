@@ -2,8 +2,8 @@
 
 import pytest
 
-from bus.history import ordering
-from bus.history.ordering import Fetch
+from bus.history import key_state, ordering
+from bus.history.key_state import Fetch
 from tests.bus.history.receiving import HERE, KEY, Received, message
 
 
@@ -128,7 +128,7 @@ def test_publishers_of_a_key_have_numbers_of_their_own() -> None:
 
 
 def test_only_the_publishers_of_a_key_that_were_heard_last_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ordering, "PUBLISHERS_REMEMBERED", 2)
+    monkeypatch.setattr(key_state, "PUBLISHERS_REMEMBERED", 2)
     got = Received()
     for publisher in range(3):
         got.live(0, publisher=publisher)
@@ -263,3 +263,14 @@ def test_only_the_hold_that_was_meant_ends() -> None:
     received.history.end_hold(received.holds[-1])
     assert received.outcome == ([1, 2, 4], 1)
     received.history.end_hold(first)
+
+
+def test_no_more_bytes_wait_for_older_messages_than_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ordering, "MOST_HELD_BYTES", 30)
+    got = Received()
+    got.history.size = lambda _: 10
+    got.appear(kept=None)
+    got.live(3, 4, 5)
+    assert got.messages == []
+    got.live(6)
+    assert got.messages == [3, 4, 5, 6]

@@ -3,7 +3,7 @@
 import pytest
 
 from bus.history import ordering
-from bus.history.ordering import Fetch
+from bus.history.key_state import Fetch
 from tests.bus.history.receiving import HERE, KEY, Received, message
 
 NEXT = f"{KEY}/@adv/pub/next/1/_"

@@ -34,7 +34,7 @@ async def telling(asked: RateRequest) -> AsyncIterator[Subscription]:
 
 async def told(budgets: Subscription) -> RateBudget:
     sample = await next_of(budgets)
-    assert consumer_keys.parse_budget(sample.key) == FRONT
+    assert consumer_keys.parse_budget(sample.key) == (FRONT, "w1")
     return codec.decode(RateBudget, sample.payload, sample.encoding)
 
 

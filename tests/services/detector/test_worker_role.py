@@ -88,7 +88,7 @@ async def test_it_answers_no_images_but_says_what_it_counts(rig: Rig) -> None:
 async def test_it_asks_gateways_for_few_frames_from_the_start(rig: Rig) -> None:
     async with (
         rig.camera(FRONT),
-        rig.bus.subscribe(consumer_keys.budget(FRONT), QUEUE(9)) as budgets,
+        rig.bus.subscribe(consumer_keys.budget(FRONT, "opinion.w1"), QUEUE(9)) as budgets,
         rig.bus.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)),
     ):
         budget = await receive(budgets, RateBudget)
@@ -110,7 +110,7 @@ async def test_one_that_has_more_time_asks_for_no_more() -> None:
         network.open_bus() as theirs,
         network.open_bus() as ours,
         Rig(theirs, model).camera(FRONT) as camera,
-        theirs.subscribe(consumer_keys.budget(FRONT), QUEUE(9)) as budgets,
+        theirs.subscribe(consumer_keys.budget(FRONT, "opinion.w1"), QUEUE(9)) as budgets,
         theirs.subscribe(FRONT.stream(Stream.OPINION), QUEUE(9)),
         asyncio.TaskGroup() as group,
     ):

@@ -1,6 +1,14 @@
+import msgspec
 import pytest
 
-from services.monitor.fleet import KNOWN_ACCOUNTS, MOST_PROCESSES, DuplicateGateways
+from services.monitor.duplicate_gateways import (
+    KNOWN_ACCOUNTS,
+    MOST_PROCESSES,
+    SHOWN_NS,
+    DuplicateGateways,
+    RivalSenders,
+)
+from tests.services.monitor.sightings import FRONT, S, seen
 
 
 def heard(processes: str) -> bool:
@@ -28,3 +36,29 @@ def test_they_are_no_more_when_one_alone_goes_on_whether_it_is_restarted_or_not(
     assert heard("aba" + (KNOWN_ACCOUNTS - 1) * "a")
     assert not heard("aba" + KNOWN_ACCOUNTS * "a")
     assert not heard("abacdefgh")
+
+
+def by_turns(seconds: float, *workers: str, model: str = "m") -> RivalSenders:
+    """Return what knows of ten lists a second of one camera, by workers in turn."""
+    rivals = RivalSenders()
+    for number in range(round(seconds * 10)):
+        worker = workers[number % len(workers)]
+        rivals.take(FRONT, msgspec.structs.replace(seen(number), worker=worker, model=model), number * S // 10)
+    return rivals
+
+
+def test_two_workers_that_send_a_cameras_lists_by_turns_for_long_are_found_and_a_takeover_is_not() -> None:
+    assert by_turns(9, "a", "b").found(9 * S) == {}
+    assert by_turns(30, "a").found(30 * S) == {}
+    rivals = by_turns(12, "a", "b")
+    assert rivals.found(12 * S) == {FRONT: ("a", "b")}
+    assert rivals.found(12 * S + 2 * SHOWN_NS) == {}
+    rivals.forget(FRONT)
+    assert rivals.found(12 * S) == {}
+
+
+def test_takeovers_one_after_the_other_are_none() -> None:
+    rivals = RivalSenders()
+    for minute in range(10):
+        rivals.take(FRONT, msgspec.structs.replace(seen(minute), worker="ab"[minute % 2]), minute * 60 * S)
+    assert rivals.found(600 * S) == {}

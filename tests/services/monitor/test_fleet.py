@@ -8,9 +8,11 @@ from schemas.distances import ObjectDistance, Place
 from schemas.keys import CameraKey
 from schemas.status import ClockReading, WorkerStatus
 from services.monitor import fleet as fleet_module
-from services.monitor.fleet import DUPLICATE_GATEWAY, RATE_WINDOW_S, Age, Fleet, Row
-from services.monitor.inventory import inventory as module
-from services.monitor.inventory.inventory import InventoryFullError, TrustLimits
+from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY
+from services.monitor.fleet import RATE_WINDOW_S, Age, Fleet, Row
+from services.monitor.inventory import room as module
+from services.monitor.inventory.inventory import TrustLimits
+from services.monitor.inventory.room import InventoryFullError
 from services.monitor.inventory.sighting import Debounce, Sighting
 from services.monitor.liveness import STALE_S
 from services.monitor.robot_clocks import MAX_LAG_NS
@@ -204,6 +206,7 @@ def test_robots_without_lists_are_counted_too_and_rows_are_ordered() -> None:
 
 def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_MEMBERS", 1)
+    monkeypatch.setattr(fleet_module, "MAX_MEMBERS", 1)
     fleet = online_fleet()
     assert fleet.see(seen(0), 0.0, 0) is not None
     with pytest.raises(InventoryFullError, match="r2"):

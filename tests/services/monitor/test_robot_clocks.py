@@ -144,7 +144,7 @@ def test_where_nobody_says_what_the_clock_shows_lists_are_as_far_apart_as_their_
 
 
 def test_no_more_wait_than_there_is_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MAX_HELD_BACK", 3)
+    monkeypatch.setattr(module, "MAX_HELD_BACK", 6)
     undated = ClockHoldback(Robots())
     assert undated.arrive(arrival(1, ARRIVED_NS, key=REAR), kept=True) == []
     for seq in (1, 2):

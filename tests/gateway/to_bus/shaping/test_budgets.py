@@ -76,12 +76,14 @@ def test_a_budget_is_for_one_stream() -> None:
 def test_a_camera_that_paused_is_owed_nothing() -> None:
     made = told(budget(2))
     sent(made, A)
+    made.say(FRONT, budget(2), START + 3_600_000 * MS)
     assert sent(made, A, start=START + 3_600_000 * MS)[:3] == [0, 500, 1000]
 
 
 def test_a_clock_that_is_set_back_stops_nothing() -> None:
     made = told(budget(2))
     sent(made, A)
+    made.say(FRONT, budget(2), START - 3_600_000 * MS)
     assert sent(made, A, start=START - 3_600_000 * MS)[:3] == [0, 500, 1000]
 
 

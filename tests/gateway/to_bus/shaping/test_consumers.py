@@ -2,13 +2,14 @@ import asyncio
 import logging
 import time
 
+import msgspec
 import pytest
 
 from bus import BusSettings, Presence, QoS, Sample
 from bus.fake import FakeNetwork
 from gateway.to_bus.shaping.consumers import MAX_CONSUMERS, Consumers, stays_near
 from schemas import codec
-from schemas.budget import RateBudget
+from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
 from schemas.consumer_keys import Wanted
 from schemas.keys import CameraKey, Stream, StreamKey
 from tests.waiting import until
@@ -86,7 +87,7 @@ def test_a_client_of_a_far_router_reaches_its_neighbours_through_it(settings: Bu
     assert stays_near(settings) is near
 
 
-def budget_of(hz: float, key: str = "fleet/r1/front/budget") -> Sample:
+def budget_of(hz: float, key: str = "fleet/r1/front/budget/w") -> Sample:
     said = RateBudget(robot="r1", camera="front", consumer="w", stream="color", hz=hz)
     return Sample(key, codec.encode(said), codec.encoding(RateBudget), 0, 0)
 
@@ -110,9 +111,10 @@ def test_a_budget_ends_with_its_consumers_token() -> None:
 
 def test_what_is_no_budget_is_left_out(caplog: pytest.LogCaptureFixture) -> None:
     consumers = told(("here", "w", True))
-    consumers.note_budget(budget_of(2, "fleet/r1/rear/budget"))
-    consumers.note_budget(Sample("fleet/r1/front/budget", b"x", codec.encoding(RateBudget), 0, 0))
-    assert len(caplog.records) == 2
+    consumers.note_budget(budget_of(2, "fleet/r1/rear/budget/w"))
+    consumers.note_budget(Sample("fleet/r1/front/budget/w", b"x", codec.encoding(RateBudget), 0, 0))
+    consumers.note_budget(budget_of(2, "fleet/r1/front/budget/another"))
+    assert len(caplog.records) == 3
     assert all(consumers.passes(COLOR, n) for n in range(4))
 
 
@@ -121,10 +123,31 @@ async def test_budgets_are_heard_on_the_bus() -> None:
     consumers = told(("here", "w", True))
     async with network.open_bus() as ours, network.open_bus() as theirs:
         following = asyncio.create_task(consumers.follow(ours))
-        key = "fleet/r1/front/budget"
+        key = "fleet/r1/front/budget/w"
         async with theirs.publisher(key, QoS.STATUS, encoding=codec.encoding(RateBudget)) as publisher:
             publisher.put(budget_of(1).payload)
             now_ns = time.time_ns() + 10_000_000_000
             await until(lambda: not (consumers.passes(COLOR, now_ns) and consumers.passes(COLOR, now_ns)), "heard")
         following.cancel()
         await asyncio.wait([following])
+
+
+def test_no_budget_in_another_name_stops_a_stream() -> None:
+    consumers = told(("here", "w", True))
+    forged = RateBudget(robot="r1", camera="front", consumer="w", stream="color", hz=LEAST_HZ, wait_s=MOST_WAIT_S)
+    consumers.note_budget(Sample("fleet/r1/front/budget/w", codec.encode(forged), codec.encoding(RateBudget), 0, 0))
+    sent_s = [at for at in range(60) if consumers.passes(COLOR, at * 1_000_000_000)]
+    assert sent_s[0] <= 10, "a frame passes in time"
+    assert sent_s[-1] - sent_s[-2] == 1, "and all of them once nobody repeats the budget"
+    for at in range(60, 120):
+        consumers.note_budget(
+            Sample("fleet/r1/front/budget/w", codec.encode(forged), codec.encoding(RateBudget), at * 1_000_000_000, 0)
+        )
+    passed = 0
+    for at in range(120, 240):
+        said = msgspec.structs.replace(forged, wait_s=0)
+        consumers.note_budget(
+            Sample("fleet/r1/front/budget/w", codec.encode(said), codec.encoding(RateBudget), at * 1_000_000_000, 0)
+        )
+        passed += consumers.passes(COLOR, at * 1_000_000_000)
+    assert passed >= 10, "also while somebody repeats it"

@@ -96,7 +96,7 @@ def test_what_came_before_the_clock_was_set_back_covers_no_silence_after_it() ->
 def test_of_many_whose_time_is_over_some_are_looked_at_and_the_rest_next_time(cameras: int, at_once: int) -> None:
     inventory = Inventory()
     for number in range(cameras):
-        inventory.see(seen(1, {}, key=CameraKey("r1", f"c{number}")), S)
+        inventory.see(seen(1, {}, key=CameraKey(f"r{number}", "front")), S)
     tracker = AvailabilityTracker(inventory, lambda camera, now_ns: camera.last_ns >= now_ns - STALE_NS, available=True)
     assert tracker.advance(2 * S, inventory.cameras()) == []
     silent = [len(tracker.advance(9 * S)) for _ in range(PARTS + 1)]
@@ -106,7 +106,7 @@ def test_of_many_whose_time_is_over_some_are_looked_at_and_the_rest_next_time(ca
 def test_when_the_clock_was_set_back_all_are_looked_at() -> None:
     inventory = Inventory()
     for number in range(AT_ONCE + 1):
-        inventory.see(seen(1, {}, key=CameraKey("r1", f"c{number}")), S)
+        inventory.see(seen(1, {}, key=CameraKey(f"r{number}", "front")), S)
     silent = False
     tracker = AvailabilityTracker(inventory, lambda *_: not silent, available=True)
     tracker.advance(9 * S, inventory.cameras())

@@ -3,7 +3,9 @@ import pytest
 
 from schemas.keys import CameraKey
 from services.monitor.inventory import inventory as module
-from services.monitor.inventory.inventory import Inventory, InventoryFullError, TrustLimits
+from services.monitor.inventory import room as room_module
+from services.monitor.inventory.inventory import Inventory, TrustLimits
+from services.monitor.inventory.room import InventoryFullError
 from services.monitor.inventory.sighting import ChangeKind, Debounce, Sighting
 from services.monitor.inventory.view import MAX_CLASSES
 from services.monitor.settings import InventorySettings
@@ -206,6 +208,7 @@ def test_distances_are_of_the_newest_frame_only() -> None:
 
 def test_members_are_bounded_and_those_known_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "MAX_MEMBERS", 1)
+    monkeypatch.setattr(room_module, "MAX_MEMBERS", 1)
     inventory = quick()
     online(inventory)
     with pytest.raises(InventoryFullError, match="r1/rear"):

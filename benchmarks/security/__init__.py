@@ -1,0 +1,1 @@
+"""What others may not do: refusals, floods and what access rules cost."""
