@@ -25,11 +25,11 @@ from bus.session.config import session_config
 from bus.session.declaration import Declaration, close_session, endpoint_names, reason_of, take_back
 from bus.session.job_thread import JobThread
 from bus.session.known_keys import Numbers
-from bus.session.link_names import LinkNames
-from bus.session.link_use import LinkUse, LinkWarning
-from bus.session.links import Links, why_unreached
+from bus.session.link_use import LinkUse
+from bus.session.links import why_unreached
 from bus.session.listening_client import LostLink, open_listening_client
 from bus.session.panics import panics_are_errors
+from bus.session.session_links import SessionLinks
 from bus.session.tcp_options import Tuning
 from bus.session.timing import BRIEF_S, LOOK_S, REST_S, RETRY_S, SETTLING_S
 from bus.settings import BusSettings
@@ -73,9 +73,7 @@ class SessionThread:
         self._numbers = Numbers()
         self._session: zenoh.Session | None = None
         self._turn = NEVER  # callbacks compare it, as one with a session would release that at any time (see REST_S)
-        self._links = Links(settings)
-        self._names = LinkNames()
-        self._link_warning = LinkWarning()
+        self._links = SessionLinks(settings, most_links)
         self._lost_link = LostLink(settings)
         self._stopping = threading.Event()
         self._retry_at: float | None = None
@@ -110,9 +108,7 @@ class SessionThread:
     @property
     def links(self) -> LinkUse:
         """See `bus.api.Bus.links`."""
-        names, now_s = self._names, time.monotonic()
-        strangers, copied = len(names.strangers()), len(names.copied(now_s))
-        return LinkUse(self._links.count, self._most_links, strangers, copied, tuple(names.problems(now_s)))
+        return self._links.use
 
     def open(self) -> Future[None]:
         """Try to open once. A client whose routers do not answer keeps trying in the background; others fail."""
@@ -217,7 +213,7 @@ class SessionThread:
     def _opened(self) -> zenoh.Session:
         self._files.use()
         settings, access = self._settings, read_access(self._settings)
-        self._names.known = None if access is None else names_in(access)
+        self._links.begin(None if access is None else names_in(access))
         if settings.is_listening_client:
             return open_listening_client(lambda first: session_config(settings, self._most_links, access, first))
         config = session_config(settings, self._most_links, access)
@@ -227,9 +223,7 @@ class SessionThread:
         self._retry_at, self._refused = None, False
         self._session, self._opened_at = session, time.monotonic()
         self._turn += 1
-        self._links.clear()
         self._lost_link.begin()
-        self._names.clear()
         self._cut.clear()
         self._unsettled = self._declared = 0
         listener = Callback(partial(self._on_link, self._turn), indirect=False)
@@ -300,19 +294,12 @@ class SessionThread:
             self.do(partial(self._link_down, turn, event.link.src, event.link.dst))
 
     def _link_up(self, turn: int, own: str, other: str, name: str) -> None:
-        if turn == self._turn and self._names.add(own, other, name, time.monotonic()):
-            _log.warning("certificate %s connects from %s, and the access rules allow it nothing", name, other)
-        if turn == self._turn and self._links.add(own, other):
-            self._lost_link.end()
-            _log.info("connected to %s", other)
         self._tuning.add(own)
-        if news := self._link_warning.news(self.links):
-            _log.warning("%s", news)
+        if turn == self._turn and self._links.add(own, other, name):
+            self._lost_link.end()
 
     def _link_down(self, turn: int, own: str, other: str) -> None:
         ends = self._settings.has_one_link
-        if turn == self._turn:
-            self._names.remove(own, other)
         if turn != self._turn or self._session is None or not (self._links.remove(own, other) or ends):
             return
         if not self._jobs.is_ending:
