@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import zenoh
 
+from bus.session.declaration import close_session
 from bus.session.probe import why_not_taken
 from bus.settings import BusSettings
 
@@ -46,8 +47,11 @@ def _empty_router() -> Iterator[str]:
             "scouting": {"delay": 0, "multicast": {"enabled": False}},
             "transport": {"shared_memory": {"enabled": False}},
         }
-        with zenoh.open(zenoh.Config.from_json5(json.dumps(config))):
+        router = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+        try:
             yield endpoint
+        finally:
+            close_session(router)
 
 
 CHECKED_S: Final = 15.0

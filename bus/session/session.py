@@ -254,7 +254,7 @@ class SessionThread:
         reads others, and counts links as lost that it has not read for their lease time (Zenoh 1.10).
         """
         self._unsettled += 1
-        if not self._settings.has_one_link or self._unsettled < IN_A_ROW:
+        if self._settings.mode != "client" or self._unsettled < IN_A_ROW:
             return
         self._unsettled = 0
         settled = threading.Event()

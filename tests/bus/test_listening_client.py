@@ -4,11 +4,12 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
+from functools import partial
 from typing import Final
 
 import pytest
 
-from bus import QUEUE, Bus, BusError, BusSettings, Presence, QoS, open_bus
+from bus import QUEUE, Bus, BusError, BusSettings, Presence, QoS, Subscription, open_bus
 from bus.session import config, listening_client
 from tests.bus.sessions import LEASE_S, ROUTER, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
@@ -105,12 +106,16 @@ async def test_a_link_that_is_cut_costs_the_neighbours_nothing_and_the_centre_ge
             await until(lambda: not robot.link_problem)
             assert await next_of(watch) == Presence("robot", alive=True)
             so_far = number
-            await until(lambda sent=so_far: central.counts.received >= sent)
+            await until(partial(_has, central, so_far))
         publishing.cancel()
         everything = [b"%d" % each for each in range(number)]
         assert [(await next_of(heard)).payload for _ in range(number)] == everything
         assert [(await next_of(central)).payload for _ in range(number)] == everything
         assert (heard.counts.missed, central.counts.missed) == (0, 0)
+
+
+def _has(subscription: Subscription, number: int) -> bool:
+    return subscription.counts.received >= number
 
 
 async def test_a_robot_that_joins_is_told_no_more_where_there_are_more_robots() -> None:

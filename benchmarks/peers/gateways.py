@@ -1,0 +1,112 @@
+"""Robots' gateways as their router sees them. Arguments: router, number of the first robot.
+
+Each is a Zenoh session of its own that listens as a gateway does. It declares what a gateway of one camera with depth
+and points, a lidar and transforms declares, and sends one status; no images flow, and nothing of ROS is there.
+
+Obeys `robots N`: from then on there are so many. Says how many there are, and how many have a link.
+"""
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final
+
+import zenoh
+
+from benchmarks.peers.answering import obey
+from bus import QUEUE, BusSettings, QoS, Reply, Request
+from bus.delivery.subscription import ZenohSubscription
+from bus.demand import Demand
+from bus.session.config import session_config
+from bus.session.declaration import Declaration
+from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
+from gateway.to_bus.translators import kind_of
+from schemas import codec, consumer_keys, keys
+from schemas.status import GatewayStatus
+
+STREAMS: Final = (
+    *(f"front/{stream}" for stream in ("color", "depth", "info", "depth_info", "points")),
+    "lidar/points",
+    "tf",
+    "tf_static",
+)
+STATUS: Final = b"x" * 2_000
+"""Of the size of a status."""
+
+SETTLING_S: Final = 10.0
+"""Longest wait for the router to take what a robot declares, before the next one comes."""
+
+
+class Fleet:
+    """The robots of this process."""
+
+    def __init__(self, router: str, first: int) -> None:
+        self._router = router
+        self._first = first
+        self._loop = asyncio.get_running_loop()
+        self._lanes = Lanes()
+        self._sessions: list[zenoh.Session] = []
+        self._kept: list[Declaration] = []
+
+    def obey(self, line: str) -> Mapping[str, object]:
+        """Do what a line says."""
+        match line.split():
+            case ["robots", number]:
+                while len(self._sessions) < int(number):
+                    self._come(f"r{self._first + len(self._sessions)}")
+            case []:
+                pass
+            case _:
+                raise ValueError(f"cannot do {line!r}")
+        return {"robots": len(self._sessions), "linked": sum(bool(each.info.links()) for each in self._sessions)}
+
+    def _come(self, robot: str) -> None:
+        settings = BusSettings(connect=[self._router], listen=["tcp/127.0.0.1:0"], shared_memory=False)
+        session = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings))))
+        status = self._publisher(keys.gateway_status(robot), QoS.STATUS, codec.encoding(GatewayStatus))
+        for each in [*self._streams(robot), *self._requests(robot), status, ZenohToken(keys.robot_alive(robot))]:
+            each.declare(session)
+            self._kept.append(each)
+        status.put(STATUS)
+        for _ in session.liveliness().get("nobody", timeout=SETTLING_S):
+            pass
+        self._sessions.append(session)
+
+    def _streams(self, robot: str) -> Iterator[Declaration]:
+        for name in STREAMS:
+            key = keys.sensor_key(robot, name)
+            kind = kind_of(key)
+            yield self._publisher(str(key), kind.qos, kind.encoding)
+            yield ZenohToken(key.alive)
+
+    def _requests(self, robot: str) -> Iterator[Declaration]:
+        for answered in (keys.robot_clock(robot), keys.every_service(robot)):
+            yield ZenohServer(answered, _answer, _now, 1, 16)
+        yield ZenohWatch(consumer_keys.every_wanted(robot), self._loop, few=True)
+        for heard in (consumer_keys.every_budget(robot), f"fleet/{robot}/{keys.ACTIONS}"):
+            yield ZenohSubscription(heard, QUEUE(1), self._loop, few=True)
+
+    def _publisher(self, key: str, qos: QoS, encoding: str) -> ZenohPublisher:
+        demand = Demand(self._loop, None)
+        return ZenohPublisher(key, qos, encoding, demand, self._lanes, kept=1, shared_memory=False)
+
+
+def _now(act: Callable[[], object]) -> None:
+    act()
+
+
+async def _answer(request: Request) -> Reply:
+    return Reply(request.payload)
+
+
+async def run(router: str, first: int) -> None:
+    """Obey until the standard input ends."""
+    fleet = Fleet(router, first)
+    obey(fleet.obey)  # nothing is asked of these robots that would need the event loop
+
+
+if __name__ == "__main__":
+    asyncio.run(run(sys.argv[1], int(sys.argv[2])))
+    os._exit(0)  # closing all sessions one by one takes minutes

@@ -1,0 +1,1 @@
+"""Bytes, time and memory of a large fleet on one router."""

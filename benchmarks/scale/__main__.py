@@ -1,0 +1,93 @@
+"""Bytes, time and memory that robots cost their router, with thousands of real sessions, in some five minutes.
+
+Every robot is a session of its own that listens, as a gateway does, and declares what a gateway declares; no images
+flow. A few processes have them all, the router is a process apart, and a client of it watches the whole fleet, as a
+monitor does. One more robot joins by way of a relay that counts what crosses it.
+
+    bytes_per_robot_joining  both ways, without signs of life, beside so many robots, the median of three;
+                             joining_spread: the most over the least
+    router_kb_per_robot      resident memory of the router at the most robots, over that without robots
+    declarations             of one robot at the router: publishers, subscribers, queryables and tokens
+    restart_s                from the start of another router, after the first was killed, until the client sees every
+                             robot and stream again; null, and restart_missing, if not within a minute
+    curve                    the same by the number of robots
+"""
+
+import argparse
+import asyncio
+import os
+import signal
+import statistics
+import sys
+from typing import Any, Final
+
+from benchmarks.arguments import at_least_one, parser_of, show
+from benchmarks.machine import machine, versions
+from benchmarks.scale.fleet import Fleet, fleet
+from benchmarks.targets import at_most
+
+JOINING: Final = (10, 50, 200)
+JOINS: Final = 3
+SPREAD: Final = 1.2
+RESTART_S: Final = 20
+RESTARTED: Final = 200
+"""Robots with which the router is also restarted on the way."""
+
+KB_PER_ROBOT: Final = 150
+DECLARATIONS: Final = 8
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = parser_of("benchmarks.scale", __doc__)
+    parser.add_argument("--robots", type=at_least_one, default=1_000, help="how many at last (default: 1000)")
+    arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
+    show(asyncio.run(measure(arguments)), as_json=arguments.json)
+
+
+async def measure(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Have more and more robots."""
+    load = os.getloadavg()[0]
+    steps = sorted({each for each in (*JOINING, 500, 1_000) if each < arguments.robots} | {arguments.robots})
+    async with fleet() as robots:
+        curve = [await _step(robots, number) for number in steps]
+        declarations = await robots.declarations()
+        restart = await robots.restart()
+    joining = {str(each["robots"]): each["bytes_joining"] for each in curve if each["robots"] in JOINING}
+    found = {
+        "bytes_per_robot_joining": joining,
+        "joining_spread": round(max(joining.values()) / min(joining.values()), 2) if joining else None,
+        "router_kb_per_robot": curve[-1]["router_kb_per_robot"],
+        "declarations_per_robot": sum(declarations.values()),
+        "declarations": declarations,
+        **restart,
+    }
+    limits = {
+        "joining_spread": SPREAD,
+        "restart_s": RESTART_S,
+        "router_kb_per_robot": KB_PER_ROBOT,
+        "declarations_per_robot": DECLARATIONS,
+    }
+    return {
+        "targets": {
+            name: target for each, most in limits.items() for name, target in at_most(found, each, most).items()
+        },
+        **found,
+        "robots": arguments.robots,
+        "curve": curve,
+        "load_average": {"before": round(load, 1), "after": round(os.getloadavg()[0], 1)},
+        "machine": machine(),
+        "versions": versions(["eclipse-zenoh", "msgspec"]),
+    }
+
+
+async def _step(robots: Fleet, number: int) -> dict[str, Any]:
+    coming = await robots.grow(number)
+    joined = [await robots.join() for _ in range(JOINS)]
+    found = {"robots": number, **coming, "bytes_joining": statistics.median(joined), "bytes_joining_each": joined}
+    return found | (await robots.restart() if number == RESTARTED else {})
+
+
+if __name__ == "__main__":
+    main()
