@@ -11,8 +11,8 @@ from bus.api import Latest, Presence, Queue, Sample, SubscriptionCounts
 from bus.delivery.inbox import Inbox
 from bus.delivery.mailbox import Fifo, Mailbox, PerKey, Taken
 
-SAMPLE_BYTES: Final = 350
-"""Bytes that a waiting sample takes beside its payload."""
+SAMPLE_BYTES: Final = 800
+"""Bytes that a waiting sample takes beside its payload, with its key and encoding."""
 
 
 def _bytes_of(sample: Sample) -> int:

@@ -196,8 +196,8 @@ class Fleet:
         """
         key = camera_key(seen.header.robot, seen.header.camera)
         lag_ns = self._lag_ns(seen.header, received_ns)
-        self.rivals.take(key, seen, received_ns)
         changes = self.inventory.see(seen, received_ns - (lag_ns or 0))
+        self.rivals.take(key, seen, received_ns)
         if changes is None:
             self.refused_lists += 1
             return None

@@ -1,0 +1,82 @@
+"""What others may not do, in about five minutes: refusals, floods, and what access rules cost.
+
+    cases, refused          attempts that access rules, certificates or the lack of them forbid, each on a real router
+                            with real certificates, and those that came to nothing; also by kind (groups): these are the
+                            project's tests of them, run here
+    FLOOD_rss_growth_mb     by how much the memory of `fleetsight monitor`, its router included, grew while somebody
+                            sent as fast as the link takes it: class lists of more names than there is room for
+                            (names), the largest lists of ever new classes (lists), large statuses of gateways and of
+                            workers
+    FLOOD_answers_s         the longest that the monitor took meanwhile, and shortly after, to answer a question about
+                            its inventory
+    acl_us_per_message      by how much longer a message takes over a TLS link where the router has access rules
+
+All processes share the machine's cores. It needs what the tests need (`make .venv/.test`).
+"""
+
+import asyncio
+import signal
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from benchmarks.arguments import parser_of, show
+from benchmarks.gateway.processes import PeerError
+from benchmarks.machine import machine, versions
+from benchmarks.peers.flood import FLOODS
+from benchmarks.progress import note
+from benchmarks.security.cost import cost_of_rules
+from benchmarks.security.floods import victim
+from benchmarks.security.refusals import count_refusals
+from benchmarks.targets import Targets, at_least, at_most
+
+MOST_MB: Final = 200
+MOST_S: Final = 2.0
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = parser_of("benchmarks.security", __doc__)
+    parser.add_argument("--seconds", type=float, default=10.0, help="length of each flood (default: 10)")
+    arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
+    note("refusals")
+    found: dict[str, Any] = dict(count_refusals())
+    note(f"{found['refused']} of {found['cases']} refused\nwhat access rules cost")
+    with tempfile.TemporaryDirectory() as folder:
+        found |= cost_of_rules(Path(folder) / "pki")
+    try:
+        found |= asyncio.run(floods(arguments.seconds))
+    except* PeerError as failed:
+        sys.exit(str(failed.exceptions[0]))
+    show(
+        {"targets": targets(found), **found, "machine": machine(), "versions": versions(["eclipse-zenoh"])},
+        as_json=arguments.json,
+    )
+
+
+async def floods(seconds: float) -> dict[str, Any]:
+    """Flood a new monitor with each kind of message."""
+    found: dict[str, Any] = {}
+    for kind in FLOODS:
+        note(f"flood of {kind}")
+        async with victim() as monitor:
+            flood = await monitor.flood(kind, seconds)
+        note(f"{flood.figures()}")
+        found |= {f"{kind}_{name}": value for name, value in flood.figures().items()}
+    return found
+
+
+def targets(found: Mapping[str, Any]) -> Targets:
+    """Return each target and whether it is met."""
+    made = at_least(found, "refused", 1, "cases")
+    for kind in FLOODS:
+        made |= at_most(found, f"{kind}_rss_growth_mb", MOST_MB)
+        made |= at_most(found, f"{kind}_answers_s", MOST_S)
+    return made
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,59 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from benchmarks.peers.flood import FLOODS
+from benchmarks.security.__main__ import targets
+from schemas import codec
+
+CASES = """
+import pytest
+
+@pytest.mark.parametrize(("name", "allowed"), [("a", True), ("b", False), ("c", False)])
+def test_what_it_does(name, allowed):
+    assert name != "c"
+
+def test_nobody_does_it():
+    pass
+"""
+RUN = """
+import contextlib, io, json, sys, pytest
+from benchmarks.security.refusals import Refusals
+counted = Refusals()
+with contextlib.redirect_stdout(io.StringIO()):
+    pytest.main(["-q", "-p", "no:cacheprovider", sys.argv[1]], [counted])
+print(json.dumps(counted.figures()))
+"""
+
+
+def test_what_is_forbidden_is_counted_and_what_passed_of_it_by_test(tmp_path: Path) -> None:
+    (tmp_path / "test_cases.py").write_text(CASES, encoding="utf-8")
+    ran = subprocess.run(
+        [sys.executable, "-c", RUN, str(tmp_path / "test_cases.py")], capture_output=True, text=True, check=True
+    )
+    found = json.loads(ran.stdout)
+    assert (found["cases"], found["refused"], found["allowed_as_meant"]) == (3, 2, 1)
+    assert found["groups"] == {
+        "nobody_does_it": {"cases": 1, "refused": 1},
+        "what_it_does": {"cases": 2, "refused": 1},
+    }
+    assert len(found["not_passed"]) == 1
+
+
+def test_a_target_is_missed_when_one_attempt_succeeds_or_a_flood_takes_too_much() -> None:
+    found = {f"{kind}_{what}": 1.0 for kind in FLOODS for what in ("rss_growth_mb", "answers_s")}
+    met = targets({"cases": 9, "refused": 9, **found})
+    assert all(each["met"] for each in met.values())
+    missed = targets({"cases": 9, "refused": 8, **found, "names_rss_growth_mb": 201.0, "lists_answers_s": 2.1})
+    assert {name for name, each in missed.items() if not each["met"]} == {
+        "refused / cases",
+        "names_rss_growth_mb",
+        "lists_answers_s",
+    }
+
+
+def test_what_floods_is_what_receivers_read() -> None:
+    for made in FLOODS.values():
+        _, message = next(made())
+        codec.decode(type(message), codec.encode(message), codec.encoding(type(message)))
