@@ -51,7 +51,7 @@ log = logging.getLogger(__name__)
 WAITING = QUEUE(10_000)
 """Messages of each kind that wait."""
 
-LISTS_WAITING = QUEUE(200_000, 64 << 20)
+LISTS_WAITING = QUEUE(200_000, 128 << 20)
 """Class lists that wait: those kept by thousands of robots during a cut arrive at once."""
 
 TICK_S = 1.0

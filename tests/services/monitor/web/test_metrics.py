@@ -22,6 +22,7 @@ from tests.contract.waiting import until
 from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.asking import Web, web_in
+from tests.services.monitor.web.pages.rows.test_warehouses import report_of
 from tests.services.monitor.web.serving import monitor_on
 from tests.services.monitor.world.test_site_objects import DOCK, thing
 
@@ -156,6 +157,7 @@ async def test_frames_left_out_for_detectors_that_cannot_keep_up_are_demand(
 async def test_the_page_of_the_monitor_names_every_metric(web: Web) -> None:
     fill(web.monitor.fleet)
     web.monitor.fleet.left_out["malformed messages"] += 1
+    report_of(web.monitor.fleet, "berlin")
     web.monitor.fleet.sites.take(site_status("hall", box=1), time.time_ns())
     web.monitor.fleet.world = World([DOCK])
     web.monitor.fleet.world.sites["hall"].replace("e", 0, [thing("a", 1)])
