@@ -19,12 +19,17 @@ default_ulimits = ["nofile=10000:10000", "nproc=10000:10000"]
 log_driver = "k8s-file"
 [network]
 network_backend = "netavark"
+network_config_dir = "{folder}/networks"
 [engine]
 runtime = "runc"
 cgroup_manager = "cgroupfs"
 events_logger = "file"
+tmp_dir = "{folder}/libpod"
 """
-"""Runs where there is no systemd, with hybrid cgroups, and where limits cannot be raised. Only netavark has names."""
+"""Shares no state with other podmans, whose reset would have this one forget what runs.
+
+Runs where there is no systemd, with hybrid cgroups, and where limits cannot be raised. Only netavark has names.
+"""
 
 DEADLINE_S: Final = 300
 
@@ -37,7 +42,7 @@ class Podman:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        (folder / "containers.conf").write_text(CONFIGURATION, encoding="utf-8")
+        (folder / "containers.conf").write_text(CONFIGURATION.format(folder=folder), encoding="utf-8")
         storage = f'[storage]\ndriver = "overlay"\ngraphroot = "{folder}/store"\nrunroot = "{folder}/run"\n'
         (folder / "storage.conf").write_text(storage, encoding="utf-8")
         self._environment = {

@@ -15,11 +15,14 @@ from services.toolbox.settings import load
 from tests.deploy.helm import CHART, NAME, Values, find, helm, refusal, render
 from tests.deploy.units import DEPLOY, command
 
-KUBERNETES = ("1.35", "1.36", "1.37")
+KUBERNETES = ("1.29", "1.35", "1.36", "1.37")
+"""The oldest that the chart allows, and the last three."""
+
 CUSTOM = {"ScaledObject", "ServiceMonitor", "PrometheusRule"}
 """Kinds that are not Kubernetes' own."""
 
 CERTIFICATES = {"monitor": "central", "detector": "gpu1", "space": "space1", "worldmodel": "world1", "access": "rules"}
+ENDS = (".pem", ".key")
 SETS: dict[str, Values] = {
     "defaults": {},
     "GPU": {
@@ -106,13 +109,21 @@ def settings_of(objects: list[dict[str, Any]]) -> dict[str, str]:
     }
 
 
-@pytest.mark.parametrize("name", ["defaults", "autoscaling", "monitor alone"])
+@pytest.mark.parametrize("name", ["defaults", "autoscaling", "monitor alone", "certificates"])
 def test_its_settings_are_those_of_the_commands(
     rendered: dict[str, list[dict[str, Any]]], name: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "settings.yaml"
+    mounted = [
+        "access/access.json",
+        "tls/ca.pem",
+        *(f"tls/{each}{end}" for each in CERTIFICATES.values() for end in ENDS),
+    ]
+    for each in mounted:
+        (tmp_path / each).parent.mkdir(exist_ok=True)
+        (tmp_path / each).touch()
     for process, text in settings_of(rendered[name]).items():
-        file.write_text(text, encoding="utf-8")
+        file.write_text(text.replace("/etc/fleetsight", str(tmp_path)), encoding="utf-8")
         load(command(process).load_settings(), ["--config", str(file)], prog="fleetsight")
 
 

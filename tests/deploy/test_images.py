@@ -29,7 +29,10 @@ EXTRAS = {
 """All but the detector's: torch alone has more bytes than all of these, and comes from the network."""
 
 GATEWAY_MB = 350
-STARTED = ("monitor", "worldmodel", "distance", "cloud", "simulator", "gateway")
+PEERS = ("postgresql", "prometheus")
+"""Debian's own, that compose.yaml has beside ours."""
+
+STARTED = ("postgresql", "prometheus", "monitor", "worldmodel", "distance", "cloud", "simulator", "gateway")
 DEADLINE_S = 60
 
 
@@ -41,7 +44,7 @@ def podman(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Podman]:
     found = Podman(folder)
     try:
         found.run("import", "--quiet", make_root(folder / "root.tar"), PYTHON)
-        for target in EXTRAS:
+        for target in (*EXTRAS, *PEERS):
             found.build(target, wheels)
         yield found
     finally:
@@ -90,6 +93,26 @@ def test_a_simulated_robot_s_data_reaches_the_centre(fleet: Podman) -> None:
 
 def test_the_monitor_is_healthy(fleet: Podman) -> None:
     fleet.run("healthcheck", "run", "deploy_monitor_1")
+
+
+def test_the_history_is_in_postgresql(fleet: Podman) -> None:
+    count = ["sh", "-c", 'PGPASSWORD=$PASSWORD psql -h 127.0.0.1 -U fleetsight -d postgres -Atc "table presence"']
+    end = time.monotonic() + DEADLINE_S
+    while "r1||" not in (rows := fleet.run("exec", "deploy_postgresql_1", *count)):
+        assert time.monotonic() < end, rows
+        time.sleep(0.5)
+
+
+def test_prometheus_has_the_metrics_and_our_rules(fleet: Podman) -> None:
+    query = ["exec", "deploy_prometheus_1", "promtool", "query", "instant", "http://127.0.0.1:9090"]
+    end = time.monotonic() + DEADLINE_S
+    for asked, said in (
+        ('fleetsight_robot_online{robot="r1"}', "=> 1 @"),
+        ("fleetsight:detector_load", "fleetsight:detector_load => 0 @"),
+    ):
+        while said not in (answer := fleet.run(*query, asked)):
+            assert time.monotonic() < end, f"{answer}{fleet.logs('deploy_prometheus_1')}"
+            time.sleep(0.5)
 
 
 def test_a_process_that_is_killed_keeps_what_it_had(fleet: Podman) -> None:
@@ -154,9 +177,10 @@ def test_each_service_of_compose_has_settings_that_its_command_takes(monkeypatch
     services = yaml.safe_load((DEPLOY / "compose.yaml").read_text(encoding="utf-8"))["services"]
     monkeypatch.delenv("FLEETSIGHT_HISTORY", raising=False)
     assert set(STARTED) | {"detector"} == set(services)
-    for service in services.values():
-        name, *options = service["command"]
-        load(command(name).load_settings(), options, prog=f"fleetsight {name}")
+    for each, service in services.items():
+        if each not in PEERS:
+            name, *options = service["command"]
+            load(command(name).load_settings(), options, prog=f"fleetsight {name}")
         assert service["read_only"]
         assert service["cap_drop"] == ["ALL"]
 
