@@ -18,7 +18,7 @@ from tests.deploy.machine import make_root, make_wheels, require_containers
 from tests.deploy.podman import PYTHON, Podman
 from tests.deploy.units import DEPLOY, command
 
-pytestmark = pytest.mark.timeout(600)
+pytestmark = pytest.mark.timeout(1200)  # six images are built first
 
 EXTRAS = {
     "gateway": "",
