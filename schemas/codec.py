@@ -88,7 +88,7 @@ MAX_BYTES: Final[dict[type, int]] = {
     FloorLooks: 4 * KIB * KIB,
     WorldRequest: 64 * KIB,
     WorldAnswer: 16 * KIB * KIB,
-    WarehouseReport: 1024 * KIB,
+    WarehouseReport: 256 * KIB,
 }
 """Maximum payload size per message type, checked before a byte of it is read."""
 

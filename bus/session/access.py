@@ -56,6 +56,12 @@ def read_access(settings: BusSettings) -> Mapping[str, Any] | None:
     return rules
 
 
+def robots_in(access: Mapping[str, Any]) -> frozenset[str]:
+    """Return the names of robots: each has a rule about the keys of the robot that it is called like."""
+    keys = {key for rule in access["rules"] or () for key in rule.get("key_exprs") or ()}
+    return frozenset(name for name in names_in(access) if f"fleet/{name}/**" in keys)
+
+
 def names_in(access: Mapping[str, Any]) -> frozenset[str]:
     """Return the certificates' names that rules allow something."""
     subjects = access["subjects"] or ()

@@ -5,6 +5,7 @@ Zenoh (1.10) refuses silently what access rules do not allow. Names of links are
 
 from collections import Counter
 from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Final
 
 from bus.session.links import host_of, is_loopback
@@ -21,11 +22,13 @@ Link = tuple[str, str]
 class LinkNames:
     """The links of a process by the name in the certificate of their other end. Links without certificates have none.
 
-    known: the names in the access rules; None without rules.
+    known: the names in the access rules; None without rules. robots: those of robots, which are used at one address
+    each; workers may share a certificate.
     """
 
     def __init__(self) -> None:
         self.known: Collection[str] | None = None
+        self.robots: Collection[str] = ()
         self._links: dict[Link, str] = {}
         self._hosts: dict[str, Counter[str]] = {}
         self._strangers: set[str] = set()
@@ -43,7 +46,7 @@ class LinkNames:
         self._links[own, other] = name
         hosts = self._hosts.setdefault(name, Counter())
         hosts[_host(other)] += 1
-        if len(hosts) > 1:
+        if len(hosts) > 1 and name in self.robots:
             self._apart_since_s.setdefault(name, now_s)
         is_news = self.known is not None and name not in self.known and name not in self._strangers
         if is_news:
@@ -65,25 +68,41 @@ class LinkNames:
             del self._hosts[name]
             self._strangers.discard(name)
 
-    def strangers(self) -> list[str]:
-        """Return the names of links that are in no rule: all that they send is refused."""
-        return sorted(self._strangers)
+    def seen(self) -> "SeenNames":
+        """Return what is wrong with names now, for other threads."""
+        apart = tuple(
+            (name, tuple(sorted(self._hosts[name])), since_s) for name, since_s in sorted(self._apart_since_s.items())
+        )
+        return SeenNames(tuple(sorted(self._strangers)), apart)
+
+
+@dataclass(frozen=True, slots=True)
+class SeenNames:
+    """What is wrong with the names of links at one moment.
+
+    strangers: names in no rule: all that they send is refused. apart: robots' names that are used at several addresses,
+    these, and since when.
+    """
+
+    strangers: tuple[str, ...] = ()
+    apart: tuple[tuple[str, tuple[str, ...], float], ...] = ()
 
     def copied(self, now_s: float) -> list[str]:
         """Return the names that have been used at several addresses for a while."""
-        return sorted(name for name, since_s in self._apart_since_s.items() if now_s - since_s >= AT_ONCE_S)
+        return [name for name, _, since_s in self.apart if now_s - since_s >= AT_ONCE_S]
 
     def problems(self, now_s: float) -> list[str]:
         """Return a line about each of the first names that something is wrong with."""
         strangers = [
             f"certificate {name} connects, and the access rules let nobody of that name do anything: it is revoked,"
             " denied, or missing in fleet.yaml"
-            for name in self.strangers()
+            for name in self.strangers
         ]
         copied = [
-            f"certificate {name} is used at {' and '.join(sorted(self._hosts[name]))} at once: if these are two"
-            f" machines, it was copied; `fleetsight pki revoke {name}` and issue another name"
-            for name in self.copied(now_s)
+            f"certificate {name} is used at {' and '.join(hosts)} at once: if these are two machines, it was copied;"
+            f" `fleetsight pki revoke {name}` and issue another name"
+            for name, hosts, since_s in self.apart
+            if now_s - since_s >= AT_ONCE_S
         ]
         return [*strangers[:MOST_NAMED], *copied[:MOST_NAMED]]
 

@@ -83,7 +83,7 @@ class LostLink:
 
     def is_given_up(self) -> bool:
         """Return whether routers take links and Zenoh makes none. Blocks for up to two seconds for each endpoint."""
-        taken = any(not why_not_taken(self._settings, endpoint) for endpoint in self._settings.connect)
+        taken = any(not why_not_taken(self._settings, endpoint, own=False) for endpoint in self._settings.connect)
         self._taken = self._taken + 1 if taken else 0
         self.due_s = time.monotonic() + CHECKED_S
         return self._taken >= TAKEN

@@ -26,11 +26,14 @@ def own_listeners(settings: BusSettings) -> list[str]:
     return [_from_here(each) for each in settings.listen if port_of(each) != "0" and "#" not in each]
 
 
-def why_not_taken(settings: BusSettings, endpoint: str) -> str:
-    """Open a session over an endpoint and close it; return why not, or nothing. Blocks for up to two seconds."""
+def why_not_taken(settings: BusSettings, endpoint: str, *, own: bool = True) -> str:
+    """Open a session over an endpoint and close it; return why not, or nothing. Blocks for up to two seconds.
+
+    own: it is this process's listener, under an address of loopback that its certificate need not name.
+    """
     try:
         with panics_are_errors():
-            session = zenoh.open(zenoh.Config.from_json5(json.dumps(_config(settings, endpoint))))
+            session = zenoh.open(zenoh.Config.from_json5(json.dumps(_config(settings, endpoint, own=own))))
             linked = bool(session.info.links())
             close_session(session)
     except (zenoh.ZError, BusError) as error:
@@ -38,11 +41,11 @@ def why_not_taken(settings: BusSettings, endpoint: str) -> str:
     return "" if linked else "the link was closed at once"
 
 
-def _config(settings: BusSettings, endpoint: str) -> dict[str, Any]:
+def _config(settings: BusSettings, endpoint: str, *, own: bool) -> dict[str, Any]:
     client = {"mode": "client", "connect": [endpoint], "listen": [], "scouting": False, "shared_memory": False}
     config = session_config(settings.model_copy(update=client))
-    # The certificate names the host as others know it, not the loopback address.
-    config["transport"]["link"]["tls"]["verify_name_on_connect"] = False
+    if own:  # the certificate names the host as others know it, not the loopback address
+        config["transport"]["link"]["tls"]["verify_name_on_connect"] = False
     return config
 
 

@@ -18,7 +18,7 @@ from bus.errors import BusError, NotServedError
 from bus.requests.pending_request import PendingRequest
 from bus.requests.queries import send_query
 from bus.requests.serving import serves
-from bus.session.access import check_closed, names_in, read_access
+from bus.session.access import check_closed, read_access
 from bus.session.certificates import check_certificates
 from bus.session.changed_files import LOOKED_AT_S, ChangedFiles
 from bus.session.config import session_config
@@ -213,7 +213,7 @@ class SessionThread:
     def _opened(self) -> zenoh.Session:
         self._files.use()
         settings, access = self._settings, read_access(self._settings)
-        self._links.begin(None if access is None else names_in(access))
+        self._links.begin(access)
         if settings.is_listening_client:
             return open_listening_client(lambda first: session_config(settings, self._most_links, access, first))
         config = session_config(settings, self._most_links, access)

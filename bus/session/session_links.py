@@ -2,10 +2,11 @@
 
 import logging
 import time
-from collections.abc import Collection
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
-from bus.session.link_names import LinkNames
+from bus.session.access import names_in, robots_in
+from bus.session.link_names import LinkNames, SeenNames
 from bus.session.link_use import LinkUse, LinkWarning
 from bus.session.links import Links
 from bus.settings import BusSettings
@@ -14,11 +15,15 @@ _log: Final = logging.getLogger(__name__)
 
 
 class SessionLinks:
-    """The links of a session; true while one to a configured endpoint is up. most: how many it takes."""
+    """The links of a session; true while one to a configured endpoint is up. most: how many it takes.
+
+    Changed by the session's thread alone; `use` and truth may be asked for by others.
+    """
 
     def __init__(self, settings: BusSettings, most: int) -> None:
         self._links = Links(settings)
         self._names = LinkNames()
+        self._seen = SeenNames()
         self._warning = LinkWarning()
         self._most = most
 
@@ -28,24 +33,27 @@ class SessionLinks:
     @property
     def use(self) -> LinkUse:
         """See `bus.api.Bus.links`."""
-        names, now_s = self._names, time.monotonic()
-        strangers, copied = len(names.strangers()), len(names.copied(now_s))
-        return LinkUse(self._links.count, self._most, strangers, copied, tuple(names.problems(now_s)))
+        seen, now_s = self._seen, time.monotonic()
+        copied, problems = len(seen.copied(now_s)), tuple(seen.problems(now_s))
+        return LinkUse(self._links.count, self._most, len(seen.strangers), copied, problems)
 
-    def begin(self, known: Collection[str] | None) -> None:
-        """Forget the links of the session before. known: the names in this one's access rules; None without rules."""
+    def begin(self, access: Mapping[str, Any] | None) -> None:
+        """Forget the links of the session before. access: the rules of this one, if there are any."""
         self.clear()
-        self._names.known = known
+        self._names.known = None if access is None else names_in(access)
+        self._names.robots = () if access is None else robots_in(access)
 
     def clear(self) -> None:
         """Forget all links."""
         self._links.clear()
         self._names.clear()
+        self._seen = self._names.seen()
 
     def add(self, own: str, other: str, name: str) -> bool:
         """Add a link; return whether it leads to a configured endpoint. name: in the other end's certificate."""
         if self._names.add(own, other, name, time.monotonic()):
             _log.warning("certificate %s connects from %s, and the access rules allow it nothing", name, other)
+        self._seen = self._names.seen()
         sought = self._links.add(own, other)
         if sought:
             _log.info("connected to %s", other)
@@ -56,6 +64,7 @@ class SessionLinks:
     def remove(self, own: str, other: str) -> bool:
         """Remove a link; return whether it led to a configured endpoint."""
         self._names.remove(own, other)
+        self._seen = self._names.seen()
         return self._links.remove(own, other)
 
     def missing(self) -> list[str]:

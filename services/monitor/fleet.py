@@ -157,14 +157,18 @@ class Fleet:
         if status.robot not in self.gateways and len(self.gateways) >= MAX_MEMBERS:
             held = {robot for robot, _ in self.inventory.room.held()} | self.inventory.robots()
             for robot in first_leaving(self.heard_ns, held.__contains__):
-                del self.gateways[robot], self.heard_ns[robot]
-                self._gateway_bytes.drop(robot)
-                self._late.pop(robot, None)
-                self.duplicates.forget(robot)
-        self._gateway_bytes.take(status.robot, size)
+                self._forget_gateway(robot)
+        for robot in self._gateway_bytes.take(status.robot, size):
+            self._forget_gateway(robot)
         self.heard_ns.pop(status.robot, None)  # keeps the order: the longest silent first
         self.gateways[status.robot], self.heard_ns[status.robot] = status, received_ns
         self.duplicates.take(status.robot, status.boot_id)
+
+    def _forget_gateway(self, robot: str) -> None:
+        del self.gateways[robot], self.heard_ns[robot]
+        self._gateway_bytes.drop(robot)
+        self._late.pop(robot, None)
+        self.duplicates.forget(robot)
 
     def worker_status(self, status: WorkerStatus, received_ns: int, size: int = 0) -> None:
         """Keep the newest status of a worker, received at `received_ns` (epoch); see `gateway_status`."""
@@ -172,7 +176,8 @@ class Fleet:
         if name not in self.workers:
             self._forget_workers(received_ns)
         check_room(self.workers, name)
-        self._worker_bytes.take(name, size)
+        for each in self._worker_bytes.take(name, size):
+            self._forget_worker(each)
         self.worker_heard_ns.pop(name, None)  # keeps the order: the longest silent first
         self.workers[name], self.worker_heard_ns[name] = status, received_ns
         self.inventory.worker_reports(*name, status.classes)
@@ -184,9 +189,12 @@ class Fleet:
             name, heard_ns = next(iter(self.worker_heard_ns.items()))
             if now_ns - heard_ns <= silent_ns:
                 return
-            del self.workers[name], self.worker_heard_ns[name]
-            self._worker_bytes.drop(name)
-            self.inventory.forget_worker(*name)
+            self._forget_worker(name)
+
+    def _forget_worker(self, name: tuple[str, str]) -> None:
+        del self.workers[name], self.worker_heard_ns[name]
+        self._worker_bytes.drop(name)
+        self.inventory.forget_worker(*name)
 
     def see(self, seen: ClassList, now_s: float, received_ns: int) -> list[Change] | None:
         """Take a class list that arrived at `received_ns` (epoch) and `now_s` (any steady clock).

@@ -314,7 +314,7 @@ def _warehouse_report(fleet: Fleet, sample: Sample) -> None:
     report = codec.decode(WarehouseReport, sample.payload, sample.encoding)
     if report.warehouse != worker_keys.parse_warehouse_report(sample.key):
         raise SchemaError(f"report of warehouse {report.warehouse}")
-    fleet.warehouses.take(report, sample.received_ns)
+    fleet.warehouses.take(report, sample.received_ns, len(sample.payload))
 
 
 def _robot(fleet: Fleet, key: str, *, alive: bool) -> None:

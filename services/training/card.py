@@ -15,7 +15,6 @@ from pydantic import BaseModel
 
 from services.simulator.world import CLASSES
 from services.training.checkpoints import ARCHITECTURE
-from services.training.collages import PLAIN_SHARE
 from services.training.evaluation.class_lists import REQUIRED_AREA, VISIBLE_AREA, ListFigures
 from services.training.evaluation.near_objects import MATCHING_IOU, NEAR_AREA, NEAR_METRES, NearFigures
 from services.training.evaluation.photographs import PhotographScore
@@ -24,7 +23,7 @@ from services.training.evaluation.predictor import CONFIDENCE
 from services.training.evaluation.scenes import held_out_seeds
 from services.training.evaluation.truths import MIN_VISIBILITY
 from services.training.fitting import device_name
-from services.training.mixing import EMPTY_REPEATS
+from services.training.mixing import EMPTY_REPEATS, NONE_MADE, MadePictures
 from services.training.settings import DECISIVE, TrainingSettings
 
 
@@ -124,9 +123,12 @@ _MIXED: Final = """\
 - {data_epochs} epochs of these together with photographs, in about equal parts, varied in colour, size and place;
   classes that a source does not label count neither for nor against a prediction, and where boxes alone are known
   masks do not count. The learning rate began at {data_rate:g}; photographs without any of the classes were shown
-  {empty_repeats} times as often as others. Among them are {collages} pictures made of the photographs: their objects
-  (cut out by GrabCut where boxes alone are known) on photographs without any, and {plain} plain, empty ones.
+  {empty_repeats} times as often as others.{made}
 """
+
+_MADE: Final = """
+  Among them are {collages} pictures made of the photographs: their objects (cut out by GrabCut where boxes alone are
+  known) on photographs without any, and {plain} plain, empty ones."""
 
 _AVERAGED: Final = """\
 - The weights are the average of those trained so and, with a share of {keep:.2f}, of those that the run began with.
@@ -181,7 +183,9 @@ class Figures:
     licences: Mapping[str, str] = field(default_factory=dict)
 
 
-def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, refined: int = 0) -> str:
+def model_card(
+    settings: TrainingSettings, figures: Figures, effort: Effort, refined: int = 0, made: MadePictures = NONE_MADE
+) -> str:
     """Describe a run's weights as Markdown. refined: number of objects a refiner of masks learned from, if any."""
     masks, lists, near = figures.masks, figures.lists, figures.near
     values = settings.model_dump()
@@ -193,9 +197,7 @@ def model_card(settings: TrainingSettings, figures: Figures, effort: Effort, ref
         command=_command(settings),
         origin=_origin(settings),
         scratch="" if settings.start else _FROM_SCRATCH.format(**values),
-        mixed=_MIXED.format(empty_repeats=EMPTY_REPEATS, plain=settings.collages // PLAIN_SHARE, **values)
-        if settings.data
-        else "",
+        mixed=_MIXED.format(empty_repeats=EMPTY_REPEATS, made=_made(made), **values) if settings.data else "",
         averaged=_AVERAGED.format(**values) if settings.keep else "",
         limits=_SEEN if settings.data else _UNSEEN,
         photographs=_photographs(figures),
@@ -304,3 +306,7 @@ def _share(value: float | None) -> str:
 
 def _row(*cells: object) -> str:
     return f"| {' | '.join(map(str, cells))} |"
+
+
+def _made(made: MadePictures) -> str:
+    return _MADE.format(collages=made.collages, plain=made.plain) if made != NONE_MADE else ""

@@ -1,6 +1,7 @@
 """Mixes photographs with rendered pictures in one data set, see `partial_labels` for its classes."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +15,17 @@ MOST_REPEATS: Final = 4
 EMPTY_REPEATS: Final = 4
 """How often a photograph without any of the classes is taken for each time that another one is: there are few of them,
 and each has a lot to be mistaken for something."""
+
+
+@dataclass(frozen=True, slots=True)
+class MadePictures:
+    """How many pictures were made of photographs: collages, and plain ones."""
+
+    collages: int = 0
+    plain: int = 0
+
+
+NONE_MADE: Final = MadePictures()
 
 EVERYWHERE: Final = "0 0 1 0 1 1 0 1"
 

@@ -19,7 +19,7 @@ from services.training.evaluation.predictor import CONFIDENCE, LOWEST_CONFIDENCE
 from services.training.evaluation.scenes import HeldOutView, held_out_seeds, held_out_views
 from services.training.files import TrainingError, first_line
 from services.training.fitting import device_name, fit
-from services.training.mixing import write_mix
+from services.training.mixing import NONE_MADE, MadePictures, write_mix
 from services.training.parallel import Progress
 from services.training.photographs import PhotographData, read_data
 from services.training.refining.fitting import CHECKPOINT, kept_state
@@ -80,23 +80,26 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
             holdout=settings.holdout,
             workers=settings.workers,
         )
-        mix = _mixed(settings, photographs, rendered(dataset)) if settings.data else None
+        mix, made = _mixed(settings, photographs, rendered(dataset)) if settings.data else (None, NONE_MADE)
         checkpoint, unrefined = _averaged(settings, fit(settings, dataset, progress, mix)), work_dir / "unrefined.pt"
         write_weights(checkpoint, unrefined, settings.imgsz)
         refined = refine(settings, unrefined, refinement, progress)
         write_weights(checkpoint, settings.output, settings.imgsz, refined.kept)
     with metered(record):
         figures = evaluate(settings, progress, load, photographs, unrefined if refined.kept else None)
-    card = model_card(settings, figures, effort_so_far(record), refined.objects)
+    card = model_card(settings, figures, effort_so_far(record), refined.objects, made)
     settings.output.with_suffix(".md").write_text(card)
 
 
-def _mixed(settings: TrainingSettings, photographs: PhotographData, rendered_pictures: Sequence[Path]) -> Path:
+def _mixed(
+    settings: TrainingSettings, photographs: PhotographData, rendered_pictures: Sequence[Path]
+) -> tuple[Path, MadePictures]:
     """Write the last stage's data set: photographs, what is made of them, and rendered pictures."""
     folder = settings.work_dir / "made"
     collages = make_collages(folder, photographs.training, settings.collages, settings.seed)
     plain = make_plain(folder, settings.collages // PLAIN_SHARE, settings.seed)
-    return write_mix(settings.work_dir / "mix", [*photographs.training, *collages, *plain], rendered_pictures)
+    mix = write_mix(settings.work_dir / "mix", [*photographs.training, *collages, *plain], rendered_pictures)
+    return mix, MadePictures(sum(bool(each.objects) for each in collages), len(plain))
 
 
 def _averaged(settings: TrainingSettings, checkpoint: Path) -> Path:

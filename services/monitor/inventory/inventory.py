@@ -189,7 +189,7 @@ class Inventory:
         if self._class_room.bytes > MAX_CLASS_BYTES // 2:
             views = (chain(each.views.values(), each.opinions.values()) for each in self._cameras.values())
             self._class_room.recount(chain.from_iterable(views))
-        if self._class_room.bytes > MAX_CLASS_BYTES * 3 // 4:
+        if self._class_room.bytes > MAX_CLASS_BYTES * 3 // 4 and self.room.settled:
             self._leave(self.room.leaving_for_classes())
 
     def set_back(self, now_ns: int) -> None:
@@ -282,8 +282,10 @@ class Inventory:
             yield from (entry for entry in self.entries_of(key, now_ns) if name in ("", entry.sighting.name))
 
     def entries_of(self, key: CameraKey, now_ns: int) -> list[Entry]:
-        """Return a camera's sightings, by class."""
-        view = self._cameras[key]
+        """Return a camera's sightings, by class; none of one that left to make room."""
+        view = self._cameras.get(key)
+        if view is None:
+            return []
         available = self.is_available(view, now_ns)
         of = sorted(view.sightings(now_ns - self.limits.stale_ns), key=attrgetter("name"))
         return [Entry(sighting, available) for sighting in of]

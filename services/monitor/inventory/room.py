@@ -20,6 +20,9 @@ PART: Final = 32
 CLAIMED_PART: Final = 4
 """The part of the room that cameras may have that never announced themselves."""
 
+SETTLED_NS: Final = 30_000_000_000
+"""Time after the start in which cameras announce themselves: until then nobody's silence counts."""
+
 SHOWN_NS: Final = 60_000_000_000
 """Time for which it is shown that there was no room, or that room was made."""
 
@@ -65,6 +68,8 @@ class CameraRoom:
         self.made = 0
         self._new_notes: set[str] = set()
         self._notes: dict[str, int] = {}
+        self._first_ns: int | None = None
+        self.settled = False
 
     def __len__(self) -> int:
         return len(self.present) + len(self._claimed) + len(self._absent)
@@ -79,7 +84,7 @@ class CameraRoom:
             of_robot = (each for each in self._in_order() if each.robot == key.robot)
             full = f"{key.robot} has {MAX_ROBOT_CAMERAS} cameras, the most that one robot may have"
             return self._first(of_robot, MAX_ROBOT_CAMERAS, key, full)
-        if not announced and len(self._claimed) >= max(1, MAX_MEMBERS // CLAIMED_PART):
+        if not announced and self.settled and len(self._claimed) >= max(1, MAX_MEMBERS // CLAIMED_PART):
             full = f"{len(self._claimed):,} cameras are known from messages alone, the most there may be"
             return self._first(iter(self._claimed), MAX_MEMBERS, key, full)
         if len(self) >= MAX_MEMBERS:
@@ -147,6 +152,9 @@ class CameraRoom:
 
     def tick(self, now_ns: int) -> None:
         """Advance time."""
+        if self._first_ns is None:
+            self._first_ns = now_ns
+        self.settled = self.settled or now_ns - self._first_ns >= SETTLED_NS
         self._notes = {note: at_ns for note, at_ns in self._notes.items() if 0 <= now_ns - at_ns < SHOWN_NS}
         self._notes |= dict.fromkeys(islice(self._new_notes, PART), now_ns)
         self._new_notes.clear()

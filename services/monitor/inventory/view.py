@@ -15,7 +15,7 @@ from services.monitor.inventory.sighting import NS, Debounce, DebouncedCount, Si
 Vocabularies = Mapping[tuple[str, str], AbstractSet[str]]
 """The classes that workers say they report, by service and worker."""
 
-MAX_CLASS_BYTES: Final = 64 << 20
+MAX_CLASS_BYTES: Final = 128 << 20
 """Most bytes, about, that the classes of all cameras take; known ones go on beyond that, new ones are left out."""
 
 CLASS_BYTES: Final = 400

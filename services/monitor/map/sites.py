@@ -39,7 +39,8 @@ class Sites:
         Raises:
             SchemaError: there are too many bytes of statuses already, see `StatusBytes`.
         """
-        self._bytes.take(status.site, size)
+        for each in self._bytes.take(status.site, size):
+            del self._known[each]
         self._known.pop(status.site, None)
         self._known[status.site] = KnownSite(status, received_ns)
         if len(self._known) > MAX_SITES:

@@ -12,7 +12,7 @@ from contextlib import suppress
 from itertools import islice
 from typing import Final
 
-from bus import Publisher, QoS, RefusedError, Reply, Request, RequestError, open_bus
+from bus import Bus, BusError, QoS, RefusedError, Reply, Request, RequestError, open_bus
 from bus.reporting import VERSION
 from schemas import codec, worker_keys
 from schemas.alerts import Alert, Severity
@@ -42,34 +42,41 @@ SEVEREST_FIRST: Final = {severity: -place for place, severity in enumerate(Sever
 
 
 async def report_to_centre(link: CentreLink, monitor: Monitor) -> None:
-    """Report until cancelled; of two monitors with one history the one that raises the alerts does.
+    """Report until cancelled; of two monitors with one history only the one that raises the alerts has a link.
 
-    Raises:
-        BusError: the bus refuses the settings.
+    Whatever is wrong with the link or a report is shown as its problem, and tried again.
     """
-    settings = monitor.settings
-    key = worker_keys.warehouse_report(settings.warehouse)
-    objects = worker_keys.every_warehouse_objects(settings.warehouse)
+    while True:
+        if monitor.history.status.leads:
+            try:
+                async with open_bus(monitor.settings.centre_bus()) as bus:
+                    with link.using(bus):
+                        await _report_while_leading(bus, link, monitor)
+            except BusError as error:
+                link.refuse(str(error))
+        await asyncio.sleep(EVERY_S)
+
+
+async def _report_while_leading(bus: Bus, link: CentreLink, monitor: Monitor) -> None:
+    name = monitor.settings.warehouse
+    key, objects = worker_keys.warehouse_report(name), worker_keys.every_warehouse_objects(name)
 
     async def answer(request: Request) -> Reply:
         return await _objects(monitor, request)
 
-    async with open_bus(settings.centre_bus()) as bus:
-        with link.using(bus):
-            while True:
-                if monitor.history.status.leads:
-                    async with (
-                        bus.publisher(key, QoS.STATUS, encoding=codec.encoding(WarehouseReport)) as publisher,
-                        bus.serve(objects, answer, at_once=AT_ONCE, waiting=WAITING),
-                    ):
-                        await _report_while_leading(publisher, monitor)
-                await asyncio.sleep(EVERY_S)
-
-
-async def _report_while_leading(publisher: Publisher, monitor: Monitor) -> None:
-    while monitor.history.status.leads:
-        publisher.put(codec.encode(await report_of(monitor)))
-        await asyncio.sleep(EVERY_S)
+    async with (
+        bus.publisher(key, QoS.STATUS, encoding=codec.encoding(WarehouseReport)) as publisher,
+        bus.serve(objects, answer, at_once=AT_ONCE, waiting=WAITING),
+    ):
+        while monitor.history.status.leads:
+            try:
+                payload = codec.encode(await report_of(monitor))
+            except Exception as error:  # noqa: BLE001 - the warehouse goes on without its centre
+                link.refuse(f"no report can be made: {error}")
+            else:
+                link.refuse("")
+                publisher.put(payload)
+            await asyncio.sleep(EVERY_S)
 
 
 async def report_of(monitor: Monitor) -> WarehouseReport:

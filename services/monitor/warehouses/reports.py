@@ -7,6 +7,7 @@ from typing import Final
 
 from schemas.inventory import WarehouseReport
 from services.monitor.formats import natural
+from services.monitor.status_bytes import StatusBytes
 
 FRESH_NS: Final = 10_000_000_000
 """Age from which a report is no longer current: a warehouse sends one every two seconds."""
@@ -45,17 +46,26 @@ class Warehouses:
 
     def __init__(self) -> None:
         self._known: dict[str, KnownWarehouse] = {}
+        self._bytes = StatusBytes[str]()
 
     def __bool__(self) -> bool:
         """Whether there is one: this monitor is a centre."""
         return bool(self._known)
 
-    def take(self, report: WarehouseReport, received_ns: int) -> None:
-        """Take a report; of more than MAX_WAREHOUSES the one heard of longest ago is forgotten."""
+    def take(self, report: WarehouseReport, received_ns: int, size: int = 0) -> None:
+        """Take a report of `size` bytes; of more than MAX_WAREHOUSES the one heard of longest ago is forgotten.
+
+        Raises:
+            SchemaError: there are too many bytes of reports already, see `StatusBytes`.
+        """
+        for each in self._bytes.take(report.warehouse, size):
+            del self._known[each]
         self._known.pop(report.warehouse, None)
         self._known[report.warehouse] = KnownWarehouse(report, received_ns)
         if len(self._known) > MAX_WAREHOUSES:
-            del self._known[next(iter(self._known))]
+            oldest = next(iter(self._known))
+            self._bytes.drop(oldest)
+            del self._known[oldest]
 
     def of(self, name: str) -> KnownWarehouse | None:
         """Return what is known of a warehouse, None if nothing is."""

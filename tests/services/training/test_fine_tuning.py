@@ -75,7 +75,7 @@ def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_p
     assert "--data data --data-epochs 2 --collages 8 --data-rate 0.001 --from warehouse-n-seg.pt --keep 0.5" in card
     assert "with a share of 0.50, of those that the run began with" in card
     assert "- `rendered`: AGPL-3.0: made here" in card
-    assert "Among them are 8 pictures made of the photographs" in card
+    assert "Among them are 0 pictures made of the photographs" in card, "none of these is without objects"
     assert "and 1 plain, empty ones" in card
     assert max(file.name for file in (settings.work_dir / "made").iterdir()) == "plain_00000.jpg"
     assert f"| rendered | {PICTURES} | box |" in card

@@ -57,3 +57,12 @@ labels:
 {{- end }}
 {{- merge (deepCopy $given.settings) $settings | toYaml }}
 {{- end }}
+
+{{/* The rules for Prometheus, about this release's series alone where detector.autoscaling.matchers tells them apart. */}}
+{{- define "fleetsight.rules" -}}
+{{- $rules := .Files.Get "files/rules.yaml" }}
+{{- with .Values.detector.autoscaling.matchers }}
+{{- $rules = regexReplaceAll "(fleetsight_[a-z_]+)\\{" $rules (printf "${1}{%s, " .) }}
+{{- end }}
+{{- $rules }}
+{{- end }}

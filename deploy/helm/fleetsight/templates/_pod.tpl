@@ -4,6 +4,7 @@ Takes root, process, image, and volume: the name of the volume at /var/lib/fleet
 */}}
 {{- define "fleetsight.pod" -}}
 {{- $given := index .root.Values .process }}
+{{- $scheme := hasKey ($given.settings | default dict) "web_certificate" | ternary "HTTPS" "HTTP" }}
 {{- $certificate := include "fleetsight.certificate" . }}
 metadata:
   labels:
@@ -46,14 +47,14 @@ spec:
         - {name: zenoh, containerPort: 7447}
         - {name: web, containerPort: 8080}
       startupProbe:
-        httpGet: {path: /healthz, port: web}
+        httpGet: {path: /healthz, port: web, scheme: {{ $scheme }}}
         periodSeconds: 2
         failureThreshold: 60
       readinessProbe:
         tcpSocket: {port: web}
         periodSeconds: 5
       livenessProbe:
-        httpGet: {path: /healthz, port: web}
+        httpGet: {path: /healthz, port: web, scheme: {{ $scheme }}}
         periodSeconds: 10
         timeoutSeconds: 5
         failureThreshold: 6

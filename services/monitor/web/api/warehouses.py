@@ -7,12 +7,12 @@ from fastapi import APIRouter, HTTPException, Path, Query, Response
 
 from bus import NotServedError, RefusedError, RequestError, RequestTimeoutError
 from schemas.errors import SchemaError
-from schemas.world import WorldRequest
+from schemas.world import MAX_OBJECTS, WorldAnswer
 from services.monitor.event_loop import in_turns
 from services.monitor.formats import moment
 from services.monitor.monitor import Monitor
 from services.monitor.warehouses.reports import KnownWarehouse
-from services.monitor.warehouses.requests import ask_for_objects
+from services.monitor.warehouses.requests import WarehouseObjects
 from services.monitor.web.api.bodies import alert_answer, encoded_answer, page_response
 from services.monitor.web.api.models import Page
 from services.monitor.web.api.objects import FoundObject, object_answer
@@ -29,7 +29,7 @@ SiteName = Annotated[str, Query(min_length=1, max_length=64, description="the si
 def warehouse_routes(monitor: Monitor) -> APIRouter:
     """Return the routes."""
     router = APIRouter(prefix="/warehouses", tags=["warehouses"])
-    warehouses = monitor.fleet.warehouses
+    warehouses, asked = monitor.fleet.warehouses, WarehouseObjects(monitor.bus)
 
     def known(name: str) -> KnownWarehouse:
         found = warehouses.of(name)
@@ -55,25 +55,31 @@ def warehouse_routes(monitor: Monitor) -> APIRouter:
     async def objects(
         name: WarehouseName, site: SiteName, *, of: ClassName = "", limit: Limit = DEFAULT_LIMIT, after: After = None
     ) -> Response:
-        """The objects of a site of a warehouse, by id, asked of its world model now; without their zones."""
+        """The objects of a site of a warehouse, by id, as its world model had them at most 5 s ago; without zones."""
         known(name)
         behind = "" if after is None else place_of(after, (str,))[0]
-        try:
-            answer = await ask_for_objects(monitor.bus, name, site, WorldRequest(name=of))
-        except NotServedError as error:
-            raise HTTPException(503, f"warehouse {name} cannot be reached: {error}") from error
-        except RequestTimeoutError as error:
-            raise HTTPException(504, f"warehouse {name} does not answer: {error}") from error
-        except RefusedError as error:
-            raise HTTPException(404, f"warehouse {name}: {error}") from error
-        except (RequestError, SchemaError) as error:
-            raise HTTPException(502, f"warehouse {name}: {error}") from error
+        answer = await _answer_of(asked, name, site, of)
+        if not answer.complete:
+            raise HTTPException(422, f"site {site} has more than {MAX_OBJECTS:,} of these objects: ask for one `class`")
         here = sorted((each for each in answer.objects if each.id > behind), key=lambda each: each.id)
         items, mark = first_of(here[: limit + 1], lambda each: (each.id,), limit)
         made = [object_answer(FoundObject(site, PlacedObject(each, ()), current=True)) for each in items]
         return page_response(answer.now_ns, [encoded_answer(each) async for each in in_turns(made)], mark)
 
     return router
+
+
+async def _answer_of(asked: WarehouseObjects, warehouse: str, site: str, name: str) -> WorldAnswer:
+    try:
+        return await asked.of(warehouse, site, name)
+    except NotServedError as error:
+        raise HTTPException(503, f"warehouse {warehouse} cannot be reached: {error}") from error
+    except RequestTimeoutError as error:
+        raise HTTPException(504, f"warehouse {warehouse} does not answer: {error}") from error
+    except RefusedError as error:
+        raise HTTPException(404, f"warehouse {warehouse}: {error}") from error
+    except (RequestError, SchemaError) as error:
+        raise HTTPException(502, f"warehouse {warehouse}: {error}") from error
 
 
 def warehouse_answer(known: KnownWarehouse, now_ns: int) -> WarehouseAnswer:

@@ -9,10 +9,9 @@ from nicegui import ui
 from bus import RequestError
 from schemas.alerts import Severity
 from schemas.errors import SchemaError
-from schemas.world import WorldRequest
 from services.monitor.monitor import Monitor
 from services.monitor.warehouses.reports import KnownWarehouse
-from services.monitor.warehouses.requests import ask_for_objects
+from services.monitor.warehouses.requests import WarehouseObjects
 from services.monitor.web.pages.components import WAREHOUSES, Tile, panel, still
 from services.monitor.web.pages.frame import REFRESH_S, nothing_yet, page_at, page_frame
 from services.monitor.web.pages.live_table import Choices, Column, LiveTable, Loaded, RowWindow
@@ -49,6 +48,7 @@ COLUMNS: Final = (
 
 def add_warehouses(monitor: Monitor) -> None:
     """Add the pages."""
+    asked = WarehouseObjects(monitor.bus)
 
     @page_at(PATH)
     async def warehouses() -> None:
@@ -61,7 +61,7 @@ def add_warehouses(monitor: Monitor) -> None:
         name = name[:MOST_CHARACTERS]
         async with page_frame(monitor, f"Warehouse {name}", WAREHOUSES):
             ui.add_css(VIEW_STYLE)
-            _Warehouse(monitor, name).refresh()
+            _Warehouse(monitor, asked, name).refresh()
 
 
 class _Warehouses:
@@ -122,8 +122,8 @@ class _Warehouses:
 class _Warehouse:
     """One browser's view of one warehouse."""
 
-    def __init__(self, monitor: Monitor, name: str) -> None:
-        self._monitor, self._name = monitor, name
+    def __init__(self, monitor: Monitor, asked: WarehouseObjects, name: str) -> None:
+        self._monitor, self._asked, self._name = monitor, asked, name
         self._site = Choices()["site"]
         with ui.element("div").classes("fs-stack") as self._there:
             self._notice = ui.label().classes("fs-line fs-notice").props('role="status"')
@@ -169,7 +169,7 @@ class _Warehouse:
         if not self._site or self._monitor.fleet.warehouses.of(self._name) is None:
             return
         try:
-            answer = await ask_for_objects(self._monitor.bus, self._name, self._site, WorldRequest())
+            answer = await self._asked.of(self._name, self._site)
         except (RequestError, SchemaError) as error:
             self._about.set_text(f"The objects of {self._site} cannot be had now: {error}")
             return
@@ -177,6 +177,6 @@ class _Warehouse:
         self._objects.set_content(object_rows(shown, answer.now_ns))
         count = len(answer.objects)
         self._about.set_text(
-            f"{plural(count, 'object')} in {self._site}"
+            f"{'' if answer.complete else 'at least '}{plural(count, 'object')} in {self._site}"
             + (f", of which these are the first {MOST_OBJECTS}" if count > MOST_OBJECTS else "")
         )

@@ -14,6 +14,7 @@ from services.monitor.inventory.room import (
     CLAIMED_PART,
     MAX_MEMBERS,
     MAX_ROBOT_CAMERAS,
+    SETTLED_NS,
     SHOWN_NS,
     InventoryFullError,
 )
@@ -56,6 +57,12 @@ def flood(fleet: Fleet, how: str) -> None:
             fleet.gateway_status(status(robot=key.robot), number + 2 * S)
 
 
+def settle(inventory: Inventory) -> None:
+    """Have all cameras had their time to announce themselves."""
+    inventory.tick(S - SETTLED_NS)
+    inventory.tick(S)
+
+
 @pytest.mark.parametrize("how", ["lists", "tokens", "statuses"])
 def test_invented_names_take_nobodys_place_and_leave_room_for_the_next_robot(how: str) -> None:
     fleet = Fleet(CLOCK)
@@ -85,6 +92,7 @@ def test_as_many_as_there_may_be_are_followed_and_500_more_make_room_among_thems
 ) -> None:
     monkeypatch.setattr(room_module, "MAX_MEMBERS", MAX_MEMBERS)
     fleet = Fleet(CLOCK)
+    settle(fleet.inventory)
     there(fleet.inventory, FRONT)
     for number in range(MAX_MEMBERS + 500):
         fleet.see(seen(1, {}, key=invented(number)), 0, S)
@@ -186,6 +194,7 @@ def test_the_classes_of_all_cameras_take_no_more_memory_than_they_may(monkeypatc
     for module in (inventory_module, view_module):
         monkeypatch.setattr(module, "MAX_CLASS_BYTES", most)
     inventory = Inventory()
+    settle(inventory)
     there(inventory, FRONT)
     inventory.see(seen(0, {"box": 1}), S)
     for number in range(100):
@@ -209,3 +218,25 @@ def test_of_a_list_with_very_many_classes_the_first_are_looked_at() -> None:
     assert view.primary is not None
     assert len(view.primary.classes) == MAX_CLASSES
     assert max(view.primary.classes) < f"c{MOST_LISTED:03}"
+
+
+def test_until_cameras_had_time_to_announce_themselves_none_leaves_for_that() -> None:
+    fleet = Fleet(CLOCK)
+    fleet.tick(S)
+    for number in range(MOST // CLAIMED_PART + 100):
+        fleet.see(seen(1, {}, key=invented(number)), 0, S)
+    assert fleet.cameras == MOST // CLAIMED_PART + 100
+    fleet.tick(S + SETTLED_NS)
+    fleet.see(seen(1, {}, key=invented(MOST)), 0, S)
+    assert fleet.cameras < MOST // CLAIMED_PART + 100
+
+
+def test_of_a_camera_that_left_while_all_are_listed_there_is_nothing() -> None:
+    inventory = Inventory()
+    for number in range(3):
+        for seq in (1, 2, 3):
+            inventory.see(seen(seq, {"box": 1}, key=invented(number)), seq * S)
+    listed = inventory.entries(3 * S)
+    assert next(listed).sighting.key == invented(0)
+    inventory._leave([invented(1)])
+    assert {each.sighting.key for each in listed} == {invented(2)}
