@@ -241,3 +241,23 @@ def test_no_template_is_long() -> None:
     templates = list((CHART / "templates").iterdir())
     assert len(templates) <= 12
     assert all(len(each.read_text(encoding="utf-8").splitlines()) < 150 for each in templates)
+
+
+def test_a_monitor_with_a_certificate_for_its_page_is_looked_at_over_https() -> None:
+    settings = {"web_certificate": "/etc/fleetsight/files/page.pem", "web_key": "/etc/fleetsight/files/page.key"}
+    for given, scheme in (({}, "HTTP"), (settings, "HTTPS")):
+        objects = render({"monitor": {"settings": given}})
+        (container,) = find(objects, "StatefulSet", "monitor")["spec"]["template"]["spec"]["containers"]
+        probes = [container[each]["httpGet"]["scheme"] for each in ("startupProbe", "livenessProbe")]
+        assert probes == [scheme] * 2
+    assert "web_port" in refusal({"monitor": {"settings": {"web_port": 9000}}})
+
+
+def test_rules_are_about_the_series_of_this_release_alone() -> None:
+    autoscaling = {"enabled": True, "matchers": 'namespace="north"'}
+    objects = render({"detector": {"autoscaling": autoscaling}, "prometheusRule": {"enabled": True}})
+    rules = next(each for each in objects if each["kind"] == "PrometheusRule")
+    expressions = [rule["expr"] for group in rules["spec"]["groups"] for rule in group["rules"]]
+    series = [found for each in expressions for found in re.findall(r"fleetsight_\w+\{[^}]*", each)]
+    assert len(series) > len(expressions)
+    assert all('{namespace="north"' in each for each in series)

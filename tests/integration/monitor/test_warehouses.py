@@ -20,6 +20,7 @@ from services.monitor.fleet import Fleet
 from services.monitor.monitor import Monitor
 from services.monitor.process import running
 from services.monitor.settings import MonitorSettings
+from services.monitor.warehouses import reporting
 from services.monitor.warehouses.reports import FRESH_NS
 from tests.contract.waiting import until
 from tests.integration.fleet import FleetRig, fleet_rig
@@ -178,6 +179,18 @@ async def test_a_report_under_the_name_of_another_is_left_out(centre: Centre) ->
         publisher.put(codec.encode(known.report))
         await until(lambda: centre.monitor.fleet.left_out["malformed messages"] > before)
     assert centre.monitor.fleet.warehouses.of("oslo") is None
+
+
+async def test_a_report_that_cannot_be_made_ends_nothing_and_is_a_problem(
+    centre: Centre, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as broken:
+        broken.setattr(reporting, "report_of", None)
+        await until(lambda: "no report can be made" in centre.berlin.centre.problem)
+        assert any("no report can be made" in each for each in centre.berlin.problems())
+    await until(lambda: not centre.berlin.centre.problem)
+    lists = centre.berlin.fleet.class_lists
+    await until(lambda: centre.berlin.fleet.class_lists > lists)
 
 
 async def test_the_page_shows_them_and_which_of_them_is_silent(centre: Centre, tmp_path: Path) -> None:
