@@ -1,5 +1,6 @@
 """The bus interface. `bus.open_bus` opens the real bus, `bus.fake.FakeNetwork` the one for tests."""
 
+import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
@@ -40,7 +41,7 @@ class Queue:
     """Keep the `depth` newest samples in order of arrival (of one publisher: of sending), of `most_bytes` together."""
 
     depth: int
-    most_bytes: int = 32 << 20
+    most_bytes: int = sys.maxsize
 
     def __post_init__(self) -> None:
         if self.depth < 1:

@@ -48,7 +48,7 @@ from services.monitor.world.zones import load_zones
 
 log = logging.getLogger(__name__)
 
-WAITING = QUEUE(10_000)
+WAITING = QUEUE(10_000, 32 << 20)
 """Messages of each kind that wait."""
 
 LISTS_WAITING = QUEUE(200_000, 128 << 20)

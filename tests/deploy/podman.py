@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,6 +33,7 @@ Runs where there is no systemd, with hybrid cgroups, and where limits cannot be 
 """
 
 DEADLINE_S: Final = 300
+TRIES = 5
 
 
 COMPOSE: Final = (sys.executable, "-m", "podman_compose")
@@ -85,9 +87,20 @@ class Podman:
             self.run("play", "kube", "--network", network, file)
             yield
         finally:
-            self.run("play", "kube", "--down", file)
-            self.run("volume", "prune", "--force")
-            self.run("network", "rm", "--force", "--time=1", network)
+            self._take_away(file, network)
+
+    def _take_away(self, manifests: Path, network: str) -> None:
+        """Remove pods and their network; a container that is started again meanwhile keeps them there for a moment."""
+        for left in reversed(range(TRIES)):
+            try:
+                self.run("play", "kube", "--down", manifests)
+                self.run("network", "rm", "--force", "--time=1", network)
+                break
+            except AssertionError:
+                if not left:
+                    raise
+                time.sleep(1)
+        self.run("volume", "prune", "--force")
 
     def build(self, target: str, wheels: Path) -> str:
         """Make an image of the Containerfile; return its name."""

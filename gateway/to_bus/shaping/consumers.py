@@ -108,7 +108,7 @@ class Budgets:
 
 
 MAX_CONSUMERS: Final = 10_000
-BUDGETS_WAITING: Final = 1_000
+BUDGETS_WAITING: Final = QUEUE(1_000, 8 << 20)
 
 log = logging.getLogger(__name__)
 
@@ -177,7 +177,7 @@ class Consumers:
                 self.note(presence)
 
     async def _follow_budgets(self, bus: Bus) -> None:
-        async with bus.subscribe(consumer_keys.every_budget(self._robot), QUEUE(BUDGETS_WAITING), few=True) as budgets:
+        async with bus.subscribe(consumer_keys.every_budget(self._robot), BUDGETS_WAITING, few=True) as budgets:
             async for sample in budgets:
                 self.note_budget(sample)
 

@@ -20,6 +20,7 @@ from services.monitor.world.site_objects import SiteObjects, World
 log = logging.getLogger(__name__)
 
 DEPTH: Final = 10_000
+MOST_BYTES: Final = 32 << 20
 KEPT: Final = 100
 """Messages that a world model keeps for late subscribers."""
 
@@ -47,7 +48,7 @@ async def follow_world(bus: Bus, world: World, sites: Sites) -> None:
 
 async def _receive(bus: Bus, site: str, objects: SiteObjects) -> None:
     key = world_key(site, WorldStream.CHANGES)
-    async with bus.subscribe(key, QUEUE(DEPTH), recover=KEPT) as subscription:
+    async with bus.subscribe(key, QUEUE(DEPTH, MOST_BYTES), recover=KEPT) as subscription:
         async for batch in subscription.batches(AT_ONCE):
             for sample in batch:
                 try:

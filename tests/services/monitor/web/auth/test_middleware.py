@@ -12,7 +12,7 @@ from services.monitor.web.auth.middleware import AccessMiddleware
 from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.asking import ORIGIN, Web
 
-FILLED = {"alert_id": "a1", "robot": "r1", "path": "v1/what", "site": "hall", "object_id": "o1"}
+FILLED = {"alert_id": "a1", "robot": "r1", "path": "v1/what", "site": "hall", "object_id": "o1", "name": "berlin"}
 ANYBODYS_POSTS = {"/login", "/setup", "/logout"}
 
 
