@@ -36,7 +36,6 @@ comes at once. It is over when none came for as long."""
 
 
 SLOW_LINK: Final = "has class lists that arrive more than 2 s late; on a slow link, set --uplink-mbit"
-"""Combines all cameras of a robot: they share one link, and a line that changes is logged again."""
 
 
 class Age(msgspec.Struct, frozen=True, gc=False):
@@ -149,11 +148,7 @@ class Fleet:
         self._changed.add(key)
 
     def gateway_status(self, status: GatewayStatus, received_ns: int, size: int = 0) -> None:
-        """Keep the newest status of a gateway, received at `received_ns` (epoch). size: its bytes.
-
-        Raises:
-            SchemaError: there are too many bytes of statuses already, see `StatusBytes`.
-        """
+        """Keep the newest status of a gateway, received at `received_ns` (epoch). size: its bytes (`StatusBytes`)."""
         if status.robot not in self.gateways and len(self.gateways) >= MAX_MEMBERS:
             held = {robot for robot, _ in self.inventory.room.held()} | self.inventory.robots()
             for robot in first_leaving(self.heard_ns, held.__contains__):

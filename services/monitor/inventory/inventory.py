@@ -181,6 +181,7 @@ class Inventory:
         self._disputed = {key for key in self._disputed if self._cameras[key].contested(fresh_ns)}
         self._recount_classes()
         self.room.tick(now_ns)
+        self._leave(self.room.leaving_when_settled())
         silent = [each for each in self._cameras.values() if each.is_forsaken(since_ns)]
         return [*self._take_given_up(), *(change for camera in silent for change in camera.lose())]
 

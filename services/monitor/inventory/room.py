@@ -20,7 +20,7 @@ PART: Final = 32
 CLAIMED_PART: Final = 4
 """The part of the room that cameras may have that never announced themselves."""
 
-SETTLED_NS: Final = 30_000_000_000
+SETTLED_NS: Final = 15_000_000_000
 """Time after the start in which cameras announce themselves: until then nobody's silence counts."""
 
 SHOWN_NS: Final = 60_000_000_000
@@ -91,6 +91,19 @@ class CameraRoom:
             full = f"{MAX_MEMBERS:,} cameras are followed, the most there may be"
             return self._first(self._in_order(), MAX_MEMBERS, key, full)
         return []
+
+    def leaving_when_settled(self) -> list[CameraKey]:
+        """Return the cameras that leave as they did not announce themselves in the time that they had for it."""
+        most = max(1, MAX_MEMBERS // CLAIMED_PART)
+        if not self.settled or len(self._claimed) <= most:
+            return []
+        full = f"{len(self._claimed):,} cameras are known from messages alone, of at most {most:,}"
+        self._new_notes.add(f"{full}: those absent longest make room for new names")
+        held = self.held()
+        free = (each for each in self._claimed if (each.robot, each.camera) not in held)
+        found = list(islice(free, len(self._claimed) - most))
+        self.made += len(found)
+        return found
 
     def leaving_for_classes(self) -> list[CameraKey]:
         """Return the absent cameras that leave as the classes of all take too much memory: a quarter of all."""
