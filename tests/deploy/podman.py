@@ -91,9 +91,9 @@ class Podman:
 
     def _take_away(self, manifests: Path, network: str) -> None:
         """Remove pods and their network; a container that is started again meanwhile keeps them there for a moment."""
+        self.run("play", "kube", "--down", manifests)
         for left in reversed(range(TRIES)):
             try:
-                self.run("play", "kube", "--down", manifests)
                 self.run("network", "rm", "--force", "--time=1", network)
                 break
             except AssertionError:
