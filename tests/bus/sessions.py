@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from bus import BusSettings, Reply, Request
+from bus import BusSettings, Publisher, Reply, Request
 from tests.contract.waiting import PATIENCE_S
 
 ROOT: Final = Path(__file__).parents[2]
@@ -66,3 +66,26 @@ async def answer(request: Request) -> Reply:
 
 async def never(_: Request) -> Reply:
     raise AssertionError("nobody asks")
+
+
+class Numbering:
+    """Publishes numbers from 0 on. count: how many it published."""
+
+    def __init__(self, publisher: Publisher) -> None:
+        self.count = 0
+        self._publisher = publisher
+        self._running = asyncio.create_task(self._run())
+
+    @property
+    def sent(self) -> list[bytes]:
+        """Everything that it published, in order."""
+        return [b"%d" % each for each in range(self.count)]
+
+    def end(self) -> None:
+        self._running.cancel()
+
+    async def _run(self) -> None:
+        while True:
+            self._publisher.put(b"%d" % self.count)
+            self.count += 1
+            await asyncio.sleep(0.002)

@@ -11,7 +11,7 @@ import pytest
 
 from bus import QUEUE, Bus, BusError, BusSettings, Presence, QoS, Subscription, open_bus
 from bus.session import config, listening_client
-from tests.bus.sessions import LEASE_S, ROUTER, answer, bus_threads, client, router, running
+from tests.bus.sessions import LEASE_S, ROUTER, Numbering, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of, until
 from tests.integration.network.severed import Severable, severable
@@ -87,16 +87,7 @@ async def test_a_link_that_is_cut_costs_the_neighbours_nothing_and_the_centre_ge
         watch = await stack.enter_async_context(far.watch("robot"))
         assert await next_of(watch) == Presence("robot", alive=True)
         await until(lambda: out.wanted)
-        number = 0
-
-        async def publish() -> None:
-            nonlocal number
-            while True:
-                out.put(b"%d" % number)
-                number += 1
-                await asyncio.sleep(0.002)
-
-        publishing = asyncio.create_task(publish())
+        numbering = Numbering(out)
         for _ in range(3):
             relay.sever()
             await until(lambda: robot.link_problem)
@@ -105,12 +96,11 @@ async def test_a_link_that_is_cut_costs_the_neighbours_nothing_and_the_centre_ge
             relay.mend()
             await until(lambda: not robot.link_problem)
             assert await next_of(watch) == Presence("robot", alive=True)
-            so_far = number
+            so_far = numbering.count
             await until(partial(_has, central, so_far))
-        publishing.cancel()
-        everything = [b"%d" % each for each in range(number)]
-        assert [(await next_of(heard)).payload for _ in range(number)] == everything
-        assert [(await next_of(central)).payload for _ in range(number)] == everything
+        numbering.end()
+        assert [(await next_of(heard)).payload for _ in numbering.sent] == numbering.sent
+        assert [(await next_of(central)).payload for _ in numbering.sent] == numbering.sent
         assert (heard.counts.missed, central.counts.missed) == (0, 0)
 
 

@@ -13,7 +13,7 @@ from bus import QUEUE, Bus, Presence, Publisher, QoS, open_bus
 from bus.history import caches
 from bus.session.config import session_config
 from bus.session.declarations import ZenohWatch
-from tests.bus.sessions import LEASE_S, ROUTER, answer, bus_threads, client, router, running
+from tests.bus.sessions import LEASE_S, ROUTER, Numbering, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of, until
 from tests.integration.network.severed import Severable, severable
@@ -74,23 +74,14 @@ async def test_all_that_is_kept_comes_once_and_in_order_whoever_was_cut_off() ->
         here = await stack.enter_async_context(open_bus(client(f"tcp/127.0.0.1:{own.port}")))
         subscription = await stack.enter_async_context(here.subscribe(KEY, QUEUE(10_000), recover=1_000))
         await until(lambda: out.wanted)
-        number = 0
-
-        async def publish() -> None:
-            nonlocal number
-            while True:
-                out.put(b"%d" % number)
-                number += 1
-                await asyncio.sleep(0.002)
-
-        publishing = asyncio.create_task(publish())
+        numbering = Numbering(out)
         for link, bus in ((relay, there), (own, here), (relay, there)):
             await cut_for_a_while(link, bus)
             await asyncio.sleep(0.2)
-        publishing.cancel()
-        await until(lambda: subscription.counts.received == number)
-        got = [(await next_of(subscription)).payload for _ in range(number)]
-        assert got == [b"%d" % each for each in range(number)]
+        numbering.end()
+        await until(lambda: subscription.counts.received == numbering.count)
+        got = [(await next_of(subscription)).payload for _ in numbering.sent]
+        assert got == numbering.sent
         assert subscription.counts.missed == 0
 
 

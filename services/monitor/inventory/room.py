@@ -84,7 +84,7 @@ class CameraRoom:
             of_robot = (each for each in self._in_order() if each.robot == key.robot)
             full = f"{key.robot} has {MAX_ROBOT_CAMERAS} cameras, the most that one robot may have"
             return self._first(of_robot, MAX_ROBOT_CAMERAS, key, full)
-        if not announced and self.settled and len(self._claimed) >= max(1, MAX_MEMBERS // CLAIMED_PART):
+        if not announced and self.settled and len(self._claimed) >= _most_claimed():
             full = f"{len(self._claimed):,} cameras are known from messages alone, the most there may be"
             return self._first(iter(self._claimed), MAX_MEMBERS, key, full)
         if len(self) >= MAX_MEMBERS:
@@ -94,34 +94,30 @@ class CameraRoom:
 
     def leaving_when_settled(self) -> list[CameraKey]:
         """Return the cameras that leave as they did not announce themselves in the time that they had for it."""
-        most = max(1, MAX_MEMBERS // CLAIMED_PART)
+        most = _most_claimed()
         if not self.settled or len(self._claimed) <= most:
             return []
         full = f"{len(self._claimed):,} cameras are known from messages alone, of at most {most:,}"
         self._new_notes.add(f"{full}: those absent longest make room for new names")
-        held = self.held()
-        free = (each for each in self._claimed if (each.robot, each.camera) not in held)
-        found = list(islice(free, len(self._claimed) - most))
-        self.made += len(found)
-        return found
+        return self._free(self._claimed, len(self._claimed) - most)
 
     def leaving_for_classes(self) -> list[CameraKey]:
         """Return the absent cameras that leave as the classes of all take too much memory: a quarter of all."""
         self._new_notes.add("the classes of all cameras take the memory that they may have: further ones are left out")
+        return self._free(self._in_order(), max(1, len(self) // 4))
+
+    def _free(self, absent: Iterable[CameraKey], most: int) -> list[CameraKey]:
+        """Return the first absent cameras that need not stay, and count them as having made room."""
         held = self.held()
-        free = (each for each in self._in_order() if (each.robot, each.camera) not in held)
-        found = list(islice(free, max(1, len(self) // 4)))
+        found = list(islice((each for each in absent if (each.robot, each.camera) not in held), most))
         self.made += len(found)
         return found
 
     def _first(self, absent: Iterator[CameraKey], most: int, key: CameraKey, full: str) -> list[CameraKey]:
-        held = self.held()
-        free = (each for each in absent if (each.robot, each.camera) not in held)
-        found = list(islice(free, max(1, most // PART)))
+        found = self._free(absent, max(1, most // PART))
         if not found:
             self._new_notes.add(f"{full}, and all are present or have open alerts: further ones are left out")
             raise InventoryFullError(f"{full}, {key} is left out")
-        self.made += len(found)
         self._new_notes.add(f"{full}: those absent longest make room for new names")
         return found
 
@@ -175,3 +171,7 @@ class CameraRoom:
     def problems(self) -> list[str]:
         """Return lines about the lack of room in the last minute."""
         return sorted(self._notes)[:3]
+
+
+def _most_claimed() -> int:
+    return max(1, MAX_MEMBERS // CLAIMED_PART)
