@@ -30,6 +30,15 @@ def single_key(text: str) -> str:
     return key_expression(text)
 
 
+def is_single_key(text: str) -> bool:
+    """Return whether `text` is one single key."""
+    try:
+        single_key(text)
+    except BusError:
+        return False
+    return True
+
+
 def matches(key_expr: str, other: str) -> bool:
     """Return whether two valid key expressions have a key in common."""
     return zenoh.KeyExpr(key_expr).intersects(other)

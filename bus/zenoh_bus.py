@@ -5,17 +5,23 @@ import logging
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from functools import partial
 from typing import Final, Protocol, TypeVar
 
 from bus.api import DEFAULT_ENCODING, Bus, Handler, Latest, Publisher, QoS, Queue, Reply, Subscription, Watch
+from bus.delivery.inbox import call_soon
 from bus.delivery.subscription import HistorySubscription, ZenohSubscription
 from bus.demand import Demand
 from bus.errors import BusClosedError
+from bus.history.keeping import CacheServer
 from bus.keys import key_expression, single_key
+from bus.presence.listed_tokens import ListedTokens
+from bus.presence.own_tokens import OwnTokens
+from bus.presence.watching import ZenohToken, ZenohWatch
 from bus.requests.pending_request import PendingRequest, Unanswered
 from bus.requests.serving import check_free
 from bus.session.declaration import Declaration
-from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
+from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer
 from bus.session.known_keys import KnownKeys
 from bus.session.link_use import MOST_FILES, LinkUse, most_links
 from bus.session.process_limits import SHAREABLE_BYTES, keep_freed_memory, may_lock, raise_file_limit
@@ -35,13 +41,15 @@ H = TypeVar("H", bound=_Handle)
 
 
 @asynccontextmanager
-async def open_bus(settings: BusSettings, *, own_process: bool = True) -> AsyncIterator[Bus]:
+async def open_bus(settings: BusSettings, *, own_process: bool = True, prefix: str = "") -> AsyncIterator[Bus]:
     """Open the bus; leaving the context closes it within CLOSE_DEADLINE_S, whatever the state of its links.
 
     A client whose router is not there yet waits for it in the background; so do peers and routers.
 
     own_process: the process is one of the fleet's, so its limit of open files is raised. That of another program is
     raised only where others connect, since links are open files; Zenoh (1.10) itself raises it for shared memory.
+    prefix: `fleet/{robot}` where this process alone speaks for the robot. It then declares together what it publishes,
+    keeps and shows under these keys, so that a router has less to do; its own watches do not show what it shows there.
 
     Raises:
         BusError: an endpoint to listen on is taken or refused, or a file of certificates cannot be used.
@@ -49,7 +57,7 @@ async def open_bus(settings: BusSettings, *, own_process: bool = True) -> AsyncI
     """
     keep_freed_memory()
     files = raise_file_limit() if own_process or not settings.has_one_link else MOST_FILES  # enough for one link
-    bus = ZenohBus(_shareable(settings), most_links(files))
+    bus = ZenohBus(_shareable(settings), most_links(files), prefix)
     try:
         await bus.start()
         yield bus
@@ -70,9 +78,12 @@ def _shareable(settings: BusSettings) -> BusSettings:
 class ZenohBus:
     """See `bus.api.Bus`. Create and close it on the same running event loop."""
 
-    def __init__(self, settings: BusSettings, links: int) -> None:
+    def __init__(self, settings: BusSettings, links: int, prefix: str) -> None:
         self._loop = asyncio.get_running_loop()
-        self._session = SessionThread(settings, links)
+        self._session = SessionThread(settings, links, prefix)
+        self._tokens = OwnTokens(prefix, self._later)
+        self._caches = CacheServer(prefix, self._tokens, self._session.do)
+        self._listed = ListedTokens(prefix)
         self._known_keys = KnownKeys(self._session.do) if settings.has_one_link else None
         self._shared_memory = settings.shared_memory
         self._lanes = Lanes()
@@ -82,8 +93,9 @@ class ZenohBus:
 
     async def start(self) -> None:
         """Try once to open the session."""
-        if self._known_keys is not None:
-            self._session.keep(self._known_keys)
+        for each in (self._known_keys, self._tokens, self._caches, self._listed):
+            if each is not None:
+                self._session.keep(each)
         await asyncio.wrap_future(self._session.open())
 
     async def close(self) -> None:
@@ -118,7 +130,14 @@ class ZenohBus:
         demand = Demand(self._loop, on_demand)
         return self._held(
             lambda: ZenohPublisher(
-                single_key(key), qos, encoding, demand, self._lanes, kept=kept, shared_memory=self._shared_memory
+                single_key(key),
+                qos,
+                encoding,
+                demand,
+                self._lanes,
+                caches=self._caches,
+                kept=kept,
+                shared_memory=self._shared_memory,
             )
         )
 
@@ -132,13 +151,15 @@ class ZenohBus:
             if not history:
                 return ZenohSubscription(key, keep, self._loop, few=few)
             known = self._known_keys.add if self._known_keys is not None and "*" in key else None
-            return HistorySubscription(key, keep, self._loop, self._session.do, known, few=few, recover=recover)
+            return HistorySubscription(
+                key, keep, self._loop, self._session.do, listed=self._listed, known=known, few=few, recover=recover
+            )
 
         return self._held(make)
 
     def watch(self, key_expr: str, /, *, few: bool = False) -> AbstractAsyncContextManager[Watch]:
         """See `bus.api.Bus.watch`."""
-        return self._held(lambda: ZenohWatch(key_expression(key_expr), self._loop, few=few))
+        return self._held(lambda: ZenohWatch(key_expression(key_expr), self._loop, self._listed, few=few))
 
     @asynccontextmanager
     async def serve(
@@ -168,7 +189,7 @@ class ZenohBus:
     @asynccontextmanager
     async def announce(self, key: str, /) -> AsyncIterator[None]:
         """See `bus.api.Bus.announce`."""
-        async with self._held(lambda: ZenohToken(single_key(key))):
+        async with self._held(lambda: ZenohToken(single_key(key), self._tokens)):
             yield
 
     @asynccontextmanager
@@ -186,6 +207,13 @@ class ZenohBus:
             self._handles.discard(handle)
             handle.end()
             await self._settle(self._session.drop(handle))
+
+    def _later(self, delay_s: float, call: Callable[[], None]) -> None:
+        """Have a call made on the session's thread after a while."""
+        if delay_s:
+            call_soon(self._loop, partial(self._loop.call_later, delay_s, self._session.do, call))
+        else:
+            self._session.do(call)
 
     async def _settle(self, work: Future[None]) -> None:
         """Wait for clean-up on its thread, which continues even if this wait is cancelled or times out."""

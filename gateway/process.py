@@ -138,7 +138,7 @@ async def _run(settings: GatewaySettings) -> int:
     clock = SimClock()
     log.info("robot %s: ROS master %s", settings.robot, settings.ros_master)
     async with (
-        open_bus(_below_routers(settings)) as bus,
+        open_bus(_below_routers(settings), prefix=keys.robot_prefix(settings.robot)) as bus,
         _node(settings, boot_id) as node,
         asyncio.TaskGroup() as group,
     ):

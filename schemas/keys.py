@@ -123,6 +123,12 @@ def every_stream_alive(stream: Stream) -> str:
     return f"fleet/*/*/{stream}/{ALIVE}"
 
 
+def robot_prefix(robot: str) -> str:
+    """Return the beginning of all keys of a robot."""
+    check_name("robot", robot)
+    return f"fleet/{robot}"
+
+
 def robot_alive(robot: str) -> str:
     """Return the key of the presence token of a robot's gateway."""
     check_name("robot", robot)

@@ -11,6 +11,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Final
 
 import zenoh
@@ -19,9 +20,13 @@ from benchmarks.peers.answering import obey
 from bus import QUEUE, BusSettings, QoS, Reply, Request
 from bus.delivery.subscription import ZenohSubscription
 from bus.demand import Demand
+from bus.history.keeping import CacheServer
+from bus.presence.listed_tokens import ListedTokens
+from bus.presence.own_tokens import OwnTokens
+from bus.presence.watching import ZenohToken, ZenohWatch
 from bus.session.config import session_config
 from bus.session.declaration import Declaration
-from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer, ZenohToken, ZenohWatch
+from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer
 from gateway.to_bus.translators import kind_of
 from schemas import codec, consumer_keys, keys
 from schemas.status import GatewayStatus
@@ -63,34 +68,49 @@ class Fleet:
         return {"robots": len(self._sessions), "linked": sum(bool(each.info.links()) for each in self._sessions)}
 
     def _come(self, robot: str) -> None:
+        prefix = keys.robot_prefix(robot)
         settings = BusSettings(connect=[self._router], listen=["tcp/127.0.0.1:0"], shared_memory=False)
-        session = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings))))
-        status = self._publisher(keys.gateway_status(robot), QoS.STATUS, codec.encoding(GatewayStatus))
-        for each in [*self._streams(robot), *self._requests(robot), status, ZenohToken(keys.robot_alive(robot))]:
+        session = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings, prefix=prefix))))
+        last: list[Callable[[], None]] = []
+        tokens = OwnTokens(prefix, lambda _, call: last.append(call))
+        caches = CacheServer(prefix, tokens, _now)
+        publisher = partial(self._publisher, caches)
+        status = publisher(keys.gateway_status(robot), QoS.STATUS, codec.encoding(GatewayStatus))
+        for each in [
+            tokens,
+            caches,
+            *(publisher(str(key), kind.qos, kind.encoding) for key, kind in _streams(robot)),
+            *(ZenohToken(key.alive, tokens) for key, _ in _streams(robot)),
+            *self._requests(robot),
+            status,
+            ZenohToken(keys.robot_alive(robot), tokens),
+        ]:
             each.declare(session)
             self._kept.append(each)
+        for call in last:
+            call()
         status.put(STATUS)
         for _ in session.liveliness().get("nobody", timeout=SETTLING_S):
             pass
         self._sessions.append(session)
 
-    def _streams(self, robot: str) -> Iterator[Declaration]:
-        for name in STREAMS:
-            key = keys.sensor_key(robot, name)
-            kind = kind_of(key)
-            yield self._publisher(str(key), kind.qos, kind.encoding)
-            yield ZenohToken(key.alive)
-
     def _requests(self, robot: str) -> Iterator[Declaration]:
         for answered in (keys.robot_clock(robot), keys.every_service(robot)):
             yield ZenohServer(answered, _answer, _now, 1, 16)
-        yield ZenohWatch(consumer_keys.every_wanted(robot), self._loop, few=True)
+        yield ZenohWatch(
+            consumer_keys.every_wanted(robot), self._loop, ListedTokens(keys.robot_prefix(robot)), few=True
+        )
         for heard in (consumer_keys.every_budget(robot), f"fleet/{robot}/{keys.ACTIONS}"):
             yield ZenohSubscription(heard, QUEUE(1), self._loop, few=True)
 
-    def _publisher(self, key: str, qos: QoS, encoding: str) -> ZenohPublisher:
+    def _publisher(self, caches: CacheServer, key: str, qos: QoS, encoding: str) -> ZenohPublisher:
         demand = Demand(self._loop, None)
-        return ZenohPublisher(key, qos, encoding, demand, self._lanes, kept=1, shared_memory=False)
+        return ZenohPublisher(key, qos, encoding, demand, self._lanes, caches=caches, kept=1, shared_memory=False)
+
+
+def _streams(robot: str) -> list[tuple[keys.SensorKey, Kind]]:
+    found = [keys.sensor_key(robot, name) for name in STREAMS]
+    return [(key, kind_of(key)) for key in found]
 
 
 def _now(act: Callable[[], object]) -> None:

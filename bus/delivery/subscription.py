@@ -15,9 +15,11 @@ from bus.api import Latest, Queue, Sample
 from bus.delivery.batching import DELIVERED_S, taking
 from bus.delivery.inbox import call_soon
 from bus.delivery.reading import SampleReader
-from bus.history.caches import CACHE, Caches, is_sent_again, owner_of, stamp_of
+from bus.history.caches import Caches
 from bus.history.key_state import Fetch, Hold, Numbered
+from bus.history.numbering import CACHE, is_sent_again, owner_of, stamp_of
 from bus.history.ordering import History
+from bus.presence.listed_tokens import ListedTokens
 from bus.session.known_keys import number_of
 
 AGAIN_S: Final = 0.5
@@ -67,7 +69,8 @@ class HistorySubscription(ZenohSubscription):
     missed under a key expression that has a router look through all its keys, once for each publisher that it waits
     for, and asks thousands of publishers at once.
 
-    submit: queues a call on the session's thread. known: told the key of each that publishes.
+    submit: queues a call on the session's thread. listed: tells of caches that are shown in lists. known: told the key
+    of each that publishes.
     """
 
     def __init__(
@@ -76,8 +79,9 @@ class HistorySubscription(ZenohSubscription):
         keep: Latest | Queue,
         loop: AbstractEventLoop,
         submit: Callable[[Callable[[], None]], object],
-        known: Callable[[str], None] | None,
         *,
+        listed: ListedTokens,
+        known: Callable[[str], None] | None,
         few: bool,
         recover: int,
     ) -> None:
@@ -93,6 +97,8 @@ class HistorySubscription(ZenohSubscription):
             self.miss,
             size=lambda sample: 0 if sample is None else len(sample.payload),
         )
+        self._listed = listed
+        self._unknown = 0  # kinds of tokens of which it is not known yet whether all have been told
         self._known = known
         self._one_at_a_time = threading.Lock()
 
@@ -100,15 +106,17 @@ class HistorySubscription(ZenohSubscription):
         """Declare on the session's thread, presences first: live messages wait for kept ones of present publishers."""
         with self._one_at_a_time:
             self._turn += 1
+            self._unknown = 2
             self._history.cut_off()
         self._caches.use(session)
-        caches, liveliness = f"{self._key_expr}{CACHE}**", session.liveliness()
+        liveliness = session.liveliness()
         presences: Any = liveliness.declare_subscriber(
-            caches, Callback(partial(self._on_presence, self._turn), indirect=False)
+            self.tokens, Callback(partial(self._on_presence, self._turn), indirect=False)
         )
         self._declared.callback(presences.undeclare)
-        done = partial(self._on_all_present, self._turn)
-        liveliness.get(caches, Callback(partial(self._on_present, self._turn), done, indirect=False))
+        done = partial(self._on_all_told, self._turn)
+        liveliness.get(self.tokens, Callback(partial(self._on_present, self._turn), done, indirect=False))
+        self._declared.callback(self._listed.add(self))
         super().declare(session)
 
     def undeclare(self) -> None:
@@ -118,7 +126,7 @@ class HistorySubscription(ZenohSubscription):
 
     def take(self, turn: int, samples: Sequence[zenoh.Sample]) -> None:
         """See `ZenohSubscription.take`."""
-        numbered, others = _numbered(samples)
+        numbered, others = _numbered(sample for sample in samples if not is_sent_again(sample))
         self.arrive_all(others)
         with self._one_at_a_time:
             self._history.live(numbered, current=turn == self._turn)
@@ -128,22 +136,39 @@ class HistorySubscription(ZenohSubscription):
             self._on_presence(turn, reply.ok)
 
     def _on_presence(self, turn: int, presence: zenoh.Sample) -> None:
-        cache = str(presence.key_expr)
+        self._take_token(turn, str(presence.key_expr), alive=presence.kind == _PUT)
+
+    def _take_token(self, turn: int, cache: str, *, alive: bool) -> None:
         key, _ = owner_of(cache)
         with self._one_at_a_time:
             if turn != self._turn:
                 return
-            if presence.kind == _PUT:
+            if alive:
                 if self._known is not None:
                     self._known(key)
                 self._history.appear(key, cache)
             else:
                 self._history.leave(key, cache)
 
-    def _on_all_present(self, turn: int) -> None:
+    @property
+    def tokens(self) -> str:
+        """See `TokenReader`: the tokens of caches."""
+        return f"{self._key_expr}{CACHE}**"
+
+    def token(self, key: str, *, alive: bool) -> None:
+        """See `TokenReader`."""
+        self._take_token(self._turn, key, alive=alive)
+
+    def all_listed(self) -> None:
+        """See `TokenReader`."""
+        self._on_all_told(self._turn)
+
+    def _on_all_told(self, turn: int) -> None:
         with self._one_at_a_time:
             if turn == self._turn:
-                self._history.all_appeared()
+                self._unknown -= 1
+                if not self._unknown:
+                    self._history.all_appeared()
 
     def _on_kept(self, fetch: Fetch, sample: zenoh.Sample) -> None:
         numbered, _ = _numbered([sample], kept=True)
@@ -188,12 +213,10 @@ def _numbered(
     others: list[Sample] = []
     for sample in samples:
         stamped = stamp_of(sample)
-        older = kept or (stamped is not None and stamped[2] > 0)
-        message = _sample(sample, kept=older) if sample.kind == _PUT else None
+        message = _sample(sample, kept=kept) if sample.kind == _PUT else None
         if stamped is not None:
-            publisher, number, newness = stamped
             key = str(sample.key_expr) if message is None else message.key
-            numbered.append(Numbered(key, publisher, number, message, newness, sample.source_info))
+            numbered.append(Numbered(key, *stamped, message))
         elif message is not None:
             others.append(message)
     return numbered, others

@@ -1,7 +1,6 @@
-"""Caches of kept messages: their numbering, and queries to a bounded number of them at a time."""
+"""Queries for what publishers keep, to a bounded number of their caches at a time."""
 
 import logging
-import struct
 import time
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
@@ -13,58 +12,8 @@ import zenoh
 from zenoh.handlers import Callback
 
 from bus.history.key_state import Fetch
+from bus.history.numbering import is_of
 from bus.session.panics import panics_are_errors
-
-CACHE: Final = "/@adv/pub/"
-"""Separates an advanced publisher's key from its session and entity id in the key of its cache and presence."""
-
-_STAMP: Final = struct.Struct(">BIQH")
-_MARK: Final = 0xF5
-"""First byte of our attachments."""
-
-MOST_KEPT: Final = (1 << 16) - 1
-"""Most messages that a publisher can keep."""
-
-
-def stamp(publisher: int, number: int, newness: int) -> bytes:
-    """Return the attachment that numbers a message.
-
-    publisher: a 32-bit id, unique among those of its key. newness: 0 where the message is sent for the first
-    time; for those sent again on a new session, 1 for the newest, 2 for the one before.
-    """
-    return _STAMP.pack(_MARK, publisher, number, newness)
-
-
-def stamp_of(sample: zenoh.Sample) -> tuple[int | str, int, int] | None:
-    """Return publisher, number and newness as in `stamp`, or None for a sample without a number.
-
-    Messages of other programs have Zenoh's own numbers.
-    """
-    attachment = sample.attachment
-    if attachment is not None and len(attachment) == _STAMP.size:
-        mark, publisher, number, newness = _STAMP.unpack(attachment.to_bytes())
-        if mark == _MARK:
-            return publisher, number, newness
-    info = sample.source_info
-    return None if info is None else (place_of(info.source_id), info.source_sn, 0)
-
-
-def is_sent_again(sample: zenoh.Sample) -> bool:
-    """Return whether a sample was already sent on an earlier session of its publisher."""
-    stamped = None if sample.attachment is None else stamp_of(sample)
-    return stamped is not None and stamped[2] > 0
-
-
-def place_of(publisher: zenoh.EntityGlobalId) -> str:
-    """Return a publisher's session and entity id as they stand in the keys of caches."""
-    return f"{publisher.zid!s}/{publisher.eid}"
-
-
-def owner_of(cache: str) -> tuple[str, str]:
-    """Return the key that a cache belongs to, and the place of its publisher."""
-    key, _, place = cache.rpartition(CACHE)
-    return key, "/".join(place.split("/")[:2])
-
 
 ASKED_AT_ONCE: Final = 16
 """Caches that are asked at once, slow ones not counted."""
@@ -185,7 +134,6 @@ def _whose(key: str) -> str:
 
 
 def _after(fetch: Fetch) -> str:
-    """Return the query parameter by which Zenoh's caches (1.10) leave out messages that already came."""
-    _, place = owner_of(fetch.cache)
-    taken = [info.source_sn for info in fetch.places if place_of(info.source_id) == place]
+    """Return the query parameter by which caches leave out messages that already came, as Zenoh's (1.10) have it."""
+    taken = [number for publisher, number in fetch.taken if is_of(fetch.cache, publisher)]
     return f"_sn={max(taken) + 1}..;" if taken else ""

@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+from typing import Final, Generic, NamedTuple, TypeVar
 
 PUBLISHERS_REMEMBERED: Final = 128
 """Most publishers remembered for one key, the latest heard; a gateway has up to 64, one per latching publisher."""
@@ -17,26 +17,23 @@ M = TypeVar("M")
 
 
 class Numbered(NamedTuple, Generic[M]):
-    """A message with its publisher and the publisher's number of it, which grows by one.
-
-    newness: 0 for a message sent for the first time; for those that a publisher sends again on a new session, 1 is the
-    newest. place: its place for a query to the cache for later ones.
-    """
+    """A message with its publisher and the publisher's number of it, which grows by one."""
 
     key: str
     publisher: int | str
     number: int
     message: M
-    newness: int = 0
-    place: Any = None
 
 
 class Fetch(NamedTuple):
-    """A query to a cache for the messages of a key after those in `places`, as far as they are its publisher's."""
+    """A query to a cache for the messages of a key after those that were taken.
+
+    taken: publishers and the numbers of their last ones.
+    """
 
     key: str
     cache: str
-    places: tuple[Any, ...] = ()
+    taken: tuple[tuple[int | str, int], ...] = ()
 
 
 class Hold(NamedTuple):
@@ -50,12 +47,11 @@ class Hold(NamedTuple):
 class PublisherState:
     """State of one publisher.
 
-    last: the number taken last, and its place. live: the newest number that came live since it appeared: newer ones
+    last: the number taken last. live: the newest number that came live since it appeared: newer ones
     come without asking. sought: the newest number that had come when a cache was last asked.
     """
 
     last: int = NONE
-    place: Any = None
     live: int = NONE
     sought: int = NONE
 

@@ -95,15 +95,14 @@ class History(Generic[M]):
         """Take live messages. current: sent since the last `cut_off`, as far as that is known."""
         ready: list[M] = []
         for each in messages:
-            key, name, number, message, newness, place = each
+            key, name, number, message = each
             known = self._keys.get(key) or self._known(key)
             by = known.publishers.get(name)
-            if known.held is None and by and by.last == number - 1 and not newness and current:  # the usual case
+            if known.held is None and by and by.last == number - 1 and current:  # the usual case
                 by.last = by.live = number
-                by.place = place
                 known.publishers.move_to_end(name)
                 ready.append(message)
-            elif newness <= self.recover:
+            else:
                 by = known.publisher(name)
                 if current:
                     by.live = max(by.live, number)
@@ -113,7 +112,7 @@ class History(Generic[M]):
     def kept(self, fetch: Fetch, message: Numbered[M]) -> None:
         """Take a message from a cache."""
         known = self._known(fetch.key)
-        if fetch.cache in known.asked and message.key == fetch.key and message.newness <= self.recover:
+        if fetch.cache in known.asked and message.key == fetch.key:
             if self._bytes > MOST_HELD_BYTES:
                 self.miss(1)
                 return
@@ -201,13 +200,13 @@ class History(Generic[M]):
         self._fetch(known, cache)
 
     def _fetch(self, known: KeyState[M], cache: str) -> None:
-        places = tuple(each.place for each in known.publishers.values() if each.place is not None)
-        self.fetch(Fetch(known.name, cache, places))
+        taken = tuple((name, each.last) for name, each in known.publishers.items() if each.last != NONE)
+        self.fetch(Fetch(known.name, cache, taken))
 
     def _take_live(self, known: KeyState[M], by: PublisherState, each: Numbered[M], ready: list[M]) -> None:
         """Take a live message, or hold it while older ones may still come."""
         first = FIRST if isinstance(each.publisher, int) else 0
-        if known.held is not None and not known.held and by.is_next(each.number, first) and not each.newness:
+        if known.held is not None and not known.held and by.is_next(each.number, first):
             self._take(by, each, ready)
         elif known.held is not None:
             known.held.append(each)
@@ -233,7 +232,7 @@ class History(Generic[M]):
                 return
             if by.is_behind_hole(each.number):
                 self.miss(gap(by.last, each.number))
-        by.last, by.place = each.number, each.place
+        by.last = each.number
         ready.append(each.message)
 
     def _take_waiting(self, known: KeyState[M], ready: list[M], *, seek: bool) -> None:

@@ -47,12 +47,18 @@ MAX_MESSAGE_BYTES: Final = (128 << 20) + (64 << 10)
 
 
 def session_config(
-    settings: BusSettings, links: int = MAX_LINKS, access: Mapping[str, Any] | None = None, first: str = ""
+    settings: BusSettings,
+    links: int = MAX_LINKS,
+    access: Mapping[str, Any] | None = None,
+    *,
+    first: str = "",
+    prefix: str = "",
 ) -> dict[str, Any]:
     """Return Zenoh's configuration as a dict for JSON.
 
     links: how many there may be; they may come all at once, as after a restart. access: rules, as Zenoh has them.
-    first: an endpoint to connect to before the others.
+    first: an endpoint to connect to before the others. prefix: keys of which a router is told as one that they are
+    published, instead of each.
 
     Timestamping is off: a subscriber with history drops what a router's clock puts out of order.
     """
@@ -60,6 +66,8 @@ def session_config(
     blocked_us = min(lease_ms, MAX_BLOCKED_MS) * 1_000
     rules = {} if access is None else {"access_control": access}
     own = rules | ({"gateway": {"south": NEIGHBOURS}} if settings.is_listening_client else {})
+    if prefix:
+        own |= {"aggregation": {"publishers": [f"{prefix}/**"], "subscribers": []}}
     return own | {
         "mode": settings.mode,
         "connect": {

@@ -1,27 +1,22 @@
-"""Declarations of the real bus on a Zenoh session: publishers, watches, tokens and servers."""
+"""Declarations of the real bus on a Zenoh session: publishers and servers."""
 
 import asyncio
 import time
-from asyncio import AbstractEventLoop
-from collections import deque
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
-from random import getrandbits
 from typing import Any, Final
 
 import zenoh
-from zenoh import CongestionControl, Priority, Reliability, ext
+from zenoh import CongestionControl, Priority, Reliability
 from zenoh.handlers import Callback
 
 from bus.api import MAX_REQUEST_BYTES, SMALL_BYTES, SMALL_WAITING, Handler, QoS, Reply, Request
-from bus.delivery.batching import taking
 from bus.delivery.pieces import Payload, joined
-from bus.delivery.reading import PresenceReader
 from bus.delivery.shared_memory import SharedFrames
 from bus.delivery.writing import Lane, MessageWriter
 from bus.demand import Demand
-from bus.history.caches import MOST_KEPT, stamp
+from bus.history.keeping import CacheServer, KeptMessages
 from bus.requests.queries import TIMEOUT_MS, finish_query, timeout_of
 from bus.requests.serving import Call, Server
 from bus.session.known_keys import number_of
@@ -61,7 +56,10 @@ class Lanes:
 
 
 class ZenohPublisher(MessageWriter):
-    """A publisher. One that keeps messages has a second, plain one on its key, to learn of matching subscribers."""
+    """A publisher.
+
+    caches: where the messages that it keeps can be had.
+    """
 
     def __init__(
         self,
@@ -71,6 +69,7 @@ class ZenohPublisher(MessageWriter):
         demand: Demand,
         lanes: Lanes,
         *,
+        caches: CacheServer,
         kept: int,
         shared_memory: bool,
     ) -> None:
@@ -78,12 +77,11 @@ class ZenohPublisher(MessageWriter):
         super().__init__(key, demand, self._offer)
         self._qos = qos
         self._encoding = encoding
-        self._kept: deque[tuple[bytes, int]] = deque(maxlen=0 if qos in UNKEPT else min(kept, MOST_KEPT))
-        self._name = getrandbits(32)
-        self._number = 0
+        self._kept = None if qos in UNKEPT else KeptMessages(key, encoding, kept)
+        self._caches = caches
         self._declared = ExitStack()
         self._turn = 0  # of being declared; callbacks compare it, as one with a session would release that at any time
-        self._publisher: zenoh.Publisher | ext.AdvancedPublisher | None = None
+        self._publisher: zenoh.Publisher | None = None
         self._small: zenoh.Publisher | None = None
         self._shared = SharedFrames() if qos in UNKEPT and shared_memory else None
 
@@ -95,61 +93,38 @@ class ZenohPublisher(MessageWriter):
     @property
     def takes_another(self) -> bool:
         """See `Declaration`; caches do."""
-        return self._qos not in UNKEPT
+        return self._kept is not None
 
     @property
     def kept(self) -> int:
         """Messages kept for subscribers that come late or lost their link."""
-        return self._kept.maxlen or 0
+        return 0 if self._kept is None else self._kept.most
 
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread, then let the lane write."""
         self._turn += 1
-        matching = session.declare_publisher(
-            self._key,
-            encoding=self._encoding,
-            congestion_control=CongestionControl.DROP,
-            priority=PRIORITIES[QoS.IMAGE],
-            reliability=Reliability.BEST_EFFORT,
-        )
-        self._declared.callback(matching.undeclare)
-        listener = matching.declare_matching_listener(Callback(partial(self._on_matching, self._turn), indirect=False))
-        self._declared.callback(listener.undeclare)
+        if self._kept is not None:
+            self._declared.callback(self._caches.add(self._kept))
+        image = self._qos in {QoS.IMAGE, QoS.MESSAGE}
+        publisher = self._declare(session, reliable=not image)
         if self._qos is QoS.MESSAGE:
-            self._small = self._declare_small(session)
-        self._publisher = matching if self._qos in UNKEPT else self._declare_cached(session)
-        status: Any = matching.matching_status  # the type stub says bool
+            self._small = self._declare(session, reliable=True)
+        listener = publisher.declare_matching_listener(Callback(partial(self._on_matching, self._turn), indirect=False))
+        self._declared.callback(listener.undeclare)
+        self._publisher = publisher
+        status: Any = publisher.matching_status  # the type stub says bool
         self._demand.offer(wanted=status.matching, initial=True)
         self._lane.admit(self)
 
-    def _declare_small(self, session: zenoh.Session) -> zenoh.Publisher:
+    def _declare(self, session: zenoh.Session, *, reliable: bool) -> zenoh.Publisher:
         publisher = session.declare_publisher(
             self._key,
             encoding=self._encoding,
             congestion_control=CongestionControl.DROP,
-            priority=PRIORITIES[self._qos],
-            reliability=Reliability.RELIABLE,
+            priority=PRIORITIES[self._qos if reliable else QoS.IMAGE],
+            reliability=Reliability.RELIABLE if reliable else Reliability.BEST_EFFORT,
         )
         self._declared.callback(publisher.undeclare)
-        return publisher
-
-    def _declare_cached(self, session: zenoh.Session) -> ext.AdvancedPublisher:
-        publisher = ext.declare_advanced_publisher(
-            session,
-            self._key,
-            encoding=self._encoding,
-            congestion_control=CongestionControl.DROP,
-            priority=PRIORITIES[self._qos],
-            reliability=Reliability.RELIABLE,
-            cache=ext.CacheConfig(self.kept),
-            # No heartbeat: undeclaring one can hold the interpreter lock for ten seconds (1.10).
-            sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
-            publisher_detection=True,
-        )
-        self._declared.callback(publisher.undeclare)
-        for newness, (payload, number) in zip(range(len(self._kept), 0, -1), self._kept, strict=True):
-            with suppress(zenoh.ZError):  # the others are sent
-                publisher.put(payload, attachment=stamp(self._name, number, newness))
         return publisher
 
     def _on_matching(self, turn: int, status: zenoh.MatchingStatus) -> None:
@@ -169,26 +144,24 @@ class ZenohPublisher(MessageWriter):
         with panics_are_errors():
             if self._small is not None and self._is_small(payload):
                 self._small.put(joined(payload))
-            elif self._qos in UNKEPT:
+            elif self._kept is None:
                 self._write_image(self._publisher, payload)
             else:
-                self._write_numbered(self._publisher, payload)
+                self._write_kept(self._publisher, self._kept, bytes(payload))
 
-    def _write_image(self, publisher: zenoh.Publisher | ext.AdvancedPublisher, payload: Payload) -> None:
+    def _write_image(self, publisher: zenoh.Publisher, payload: Payload) -> None:
         placed = joined(payload) if self._shared is None else self._shared.place(payload)
         if placed is None:
             self.count_dropped(1)
         else:
             publisher.put(placed)
 
-    def _write_numbered(self, publisher: zenoh.Publisher | ext.AdvancedPublisher, payload: Payload) -> None:
-        self._number += 1
-        whole = bytes(payload)
-        self._kept.append((whole, self._number))  # first: what a lost link does not take goes to the next link
+    def _write_kept(self, publisher: zenoh.Publisher, kept: KeptMessages, payload: bytes) -> None:
+        attachment = kept.add(payload)  # first: what a lost link does not take is had from the cache
         try:
-            publisher.put(whole, attachment=stamp(self._name, self._number, 0))
+            publisher.put(payload, attachment=attachment)
         except zenoh.ZError:
-            if not self.kept:
+            if not kept.most:
                 raise
 
     def undeclare(self) -> None:
@@ -200,63 +173,6 @@ class ZenohPublisher(MessageWriter):
             self._turn += 1
             self._publisher = self._small = None
             self._demand.forget()
-
-
-class ZenohWatch(PresenceReader):
-    """A watch. Tokens are fetched in batches, since those of a large fleet appear at once."""
-
-    number_of = ""
-    takes_another = False
-
-    def __init__(self, key_expr: str, loop: AbstractEventLoop, *, few: bool) -> None:
-        super().__init__(loop)
-        self._key_expr = key_expr
-        self._few = few
-        self._present: set[str] = set()
-        self._declared = ExitStack()
-
-    def declare(self, session: zenoh.Session) -> None:
-        """Declare on the session's thread."""
-        declare = partial(session.liveliness().declare_subscriber, self._key_expr, history=True)
-        self._declared.enter_context(taking(declare, self._on_changes, together=not self._few))
-
-    def undeclare(self) -> None:
-        """Undeclare and report all tokens as vanished: those that end before the next declaration go unnoticed."""
-        try:
-            self._declared.close()
-        finally:
-            for key in list(self._present):
-                self.arrive(key, alive=False)
-            self._present.clear()
-
-    def _on_changes(self, samples: Sequence[zenoh.Sample]) -> None:
-        for sample in samples:
-            key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
-            (self._present.add if alive else self._present.discard)(key)
-            self.arrive(key, alive=alive)
-
-
-class ZenohToken:
-    """A presence token."""
-
-    number_of = ""
-    takes_another = False
-
-    def __init__(self, key: str) -> None:
-        self._key = key
-        self._token: zenoh.LivelinessToken | None = None
-
-    def declare(self, session: zenoh.Session) -> None:
-        """Declare on the session's thread."""
-        self._token = session.liveliness().declare_token(self._key)
-
-    def undeclare(self) -> None:
-        """Undeclare."""
-        if self._token is not None:
-            self._token.undeclare()
-
-    def end(self) -> None:
-        """Do nothing: a presence has no reader."""
 
 
 class ZenohServer(Server):

@@ -63,11 +63,12 @@ class SessionThread:
     link that is closed as it comes up; and it declares everything at once. It still tries, once, until it is ended.
     A session to which others connect is left to Zenoh, since they would lose their links with it.
 
-    submit, do: see `JobThread`.
+    prefix: see `bus.open_bus`. submit, do: see `JobThread`.
     """
 
-    def __init__(self, settings: BusSettings, most_links: int) -> None:
+    def __init__(self, settings: BusSettings, most_links: int, prefix: str = "") -> None:
         self._settings = settings
+        self._prefix = prefix
         self._most_links = most_links
         self._kept: dict[Declaration, None] = {}
         self._numbers = Numbers()
@@ -214,10 +215,10 @@ class SessionThread:
         self._files.use()
         settings, access = self._settings, read_access(self._settings)
         self._links.begin(access)
+        config_of = partial(session_config, settings, self._most_links, access, prefix=self._prefix)
         if settings.is_listening_client:
-            return open_listening_client(lambda first: session_config(settings, self._most_links, access, first))
-        config = session_config(settings, self._most_links, access)
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+            return open_listening_client(lambda first: config_of(first=first))
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config_of())))
 
     def _use(self, session: zenoh.Session) -> None:
         self._retry_at, self._refused = None, False

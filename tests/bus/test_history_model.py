@@ -21,26 +21,22 @@ Message = tuple[int, int]
 
 
 class Publisher:
-    """A publisher whose sessions end: a cache of its own has what it put on the one there is."""
+    """A publisher whose sessions end: on each, a cache of its own has what it keeps."""
 
     def __init__(self, world: "World", name: int) -> None:
         self.world = world
         self.name = name
         self.number = 0
         self.sessions = 0
-        self.kept: deque[int] = deque(maxlen=world.kept)
+        self.kept: deque[Numbered[Message]] = deque(maxlen=world.kept)
         self.cache: str | None = None
-        self.cached: deque[Numbered[Message]] = deque()
         self.on_its_way: deque[Numbered[Message]] = deque()
         self.begin()
 
     def begin(self) -> None:
         self.sessions += 1
         self.cache = f"{KEY}/@adv/pub/{self.name}.{self.sessions}/1/_"
-        self.cached = deque(maxlen=self.world.kept)
         self.world.tell(self.cache, self)
-        for index, number in enumerate(list(self.kept)):
-            self._send(number, len(self.kept) - index)
 
     def end(self) -> None:
         if self.cache is not None:
@@ -49,14 +45,9 @@ class Publisher:
 
     def put(self) -> None:
         self.number += 1
-        self.kept.append(self.number)
-        if self.cache is not None:
-            self._send(self.number, 0)
-
-    def _send(self, number: int, newness: int) -> None:
-        message = Numbered(KEY, self.name, number, (self.name, number), newness, (self.cache, number))
-        self.cached.append(message)
-        if self.world.linked and self.world.random.random() >= self.world.lost:
+        message = Numbered(KEY, self.name, self.number, (self.name, self.number))
+        self.kept.append(message)
+        if self.cache is not None and self.world.linked and self.world.random.random() >= self.world.lost:
             self.on_its_way.append(message)
 
 
@@ -142,8 +133,8 @@ class World:
         asked = next((each for each in self.publishers if each.cache == fetch.cache), None)
         found: list[Numbered[Message]] = []
         if asked is not None and (fetch.cache in self.tried or self.random.random() < REACHED_AT_ONCE):
-            after = max((number for cache, number in fetch.places if cache == fetch.cache), default=0)
-            found = [each for each in asked.cached if each.number > after][-self.recover :]
+            after = dict(fetch.taken).get(asked.name, 0)
+            found = [each for each in asked.kept if each.number > after][-self.recover :]
         self.tried.add(fetch.cache)
         for message in found:
             self.history.kept(fetch, message)

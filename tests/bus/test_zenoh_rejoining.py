@@ -12,7 +12,8 @@ import zenoh
 from bus import QUEUE, Bus, Presence, Publisher, QoS, open_bus
 from bus.history import caches
 from bus.session.config import session_config
-from bus.session.declarations import ZenohWatch
+from bus.presence.listed_tokens import ListedTokens
+from bus.presence.watching import ZenohWatch
 from tests.bus.sessions import LEASE_S, ROUTER, Numbering, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of, until
@@ -162,7 +163,7 @@ async def test_whom_nobody_watches_any_more_is_not_there_until_seen_again() -> N
     endpoint = free_endpoint()
     async with open_bus(router(endpoint)) as bus, bus.announce("worker"):
         own = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(client(endpoint)))))
-        watch = ZenohWatch("worker", asyncio.get_running_loop(), few=True)
+        watch = ZenohWatch("worker", asyncio.get_running_loop(), ListedTokens(""), few=True)
         for _ in range(2):
             watch.declare(own)
             assert await next_of(watch) == Presence("worker", alive=True)

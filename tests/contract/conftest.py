@@ -1,4 +1,7 @@
-"""The buses that the contract is held against: the fake, two peers, two clients of a router, one through a gateway."""
+"""The buses that the contract is held against: the fake, two peers, two clients of a router, one through a gateway.
+
+The second of "robot" is a gateway that speaks alone for its robot, whose keys are those of the tests.
+"""
 
 import socket
 from collections.abc import AsyncIterator, Iterator
@@ -29,7 +32,7 @@ def _nothing_blocks_the_loop() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(params=["fake", "peers", "router", "router-without-shm", "through-a-gateway"])
+@pytest.fixture(params=["fake", "peers", "router", "router-without-shm", "through-a-gateway", "robot"])
 async def buses(request: pytest.FixtureRequest) -> AsyncIterator[tuple[Bus, Bus]]:
     """Two members of one network."""
     async with AsyncExitStack() as stack:
@@ -56,7 +59,12 @@ async def buses(request: pytest.FixtureRequest) -> AsyncIterator[tuple[Bus, Bus]
                     open_bus(BusSettings(connect=[endpoint], listen=[near], shared_memory=shm))
                 )
                 settings[0] = BusSettings(connect=[near], shared_memory=shm)
-        here, there = [await stack.enter_async_context(open_bus(each)) for each in settings]
+        prefix = ""
+        if request.param == "robot":
+            prefix = "fleet/r1"
+            settings[1] = settings[1].model_copy(update={"listen": [free_endpoint()]})
+        here = await stack.enter_async_context(open_bus(settings[0]))
+        there = await stack.enter_async_context(open_bus(settings[1], prefix=prefix))
         await _meet(here, there)
         yield here, there
 

@@ -12,8 +12,8 @@ HERE = f"{KEY}/@adv/pub/session/1/_"
 OURS = 7
 
 
-def message(number: int, newness: int = 0, publisher: int = OURS, key: str = KEY) -> Numbered[int]:
-    return Numbered(key, publisher, number, number, newness, f"place of {number}")
+def message(number: int, publisher: int = OURS, key: str = KEY) -> Numbered[int]:
+    return Numbered(key, publisher, number, number)
 
 
 class Received:
@@ -57,7 +57,3 @@ class Received:
 
     def live(self, *numbers: int, publisher: int = OURS, key: str = KEY) -> None:
         self.history.live(message(number, publisher=publisher, key=key) for number in numbers)
-
-    def again(self, *numbers: int) -> None:
-        """Have a publisher put on a new session what it keeps."""
-        self.history.live(message(number, newness=len(numbers) - index) for index, number in enumerate(numbers))

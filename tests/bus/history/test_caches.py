@@ -23,14 +23,6 @@ def cache_of(key: str) -> str:
     return f"{key}/@adv/pub/{PLACE}/_"
 
 
-class Place:
-    """Where Zenoh says that a message was: which publisher's, and its number there."""
-
-    def __init__(self, session: str, number: int) -> None:
-        self.source_id = SimpleNamespace(zid=session, eid=1)
-        self.source_sn = number
-
-
 class Asked:
     """Caches whose queries wait to be answered, and who asks them."""
 
@@ -66,8 +58,8 @@ class Asked:
     def use(self, session: zenoh.Session | None) -> None:
         self._thread.submit(self.caches.use, session).result()
 
-    def ask(self, key: str, *places: object) -> None:
-        self.caches.ask(Fetch(key, cache_of(key), places))
+    def ask(self, key: str, *taken: tuple[int | str, int]) -> None:
+        self.caches.ask(Fetch(key, cache_of(key), taken))
 
     def end(self, query: zenoh.Query, *payloads: bytes) -> None:
         """Answer one; with nothing more it is known that there is no more."""
@@ -121,11 +113,15 @@ async def test_those_that_do_not_answer_hold_up_the_others_for_a_moment_only(mon
 
 
 @pytest.mark.parametrize(
-    ("places", "numbers"), [([], None), ([Place("abc", 4), Place("other", 9)], "5.."), ([Place("other", 9)], None)]
+    ("taken", "numbers"),
+    [([], None), ([("abc/1", 4), ("other/1", 9)], "5.."), ([("other/1", 9)], None), ([(1, 7), (2, 9)], "8..")],
 )
-async def test_they_are_asked_for_what_came_after_their_own_last(places: list[Place], numbers: str | None) -> None:
+async def test_they_are_asked_for_what_came_after_their_own_last(
+    taken: list[tuple[int | str, int]], numbers: str | None
+) -> None:
+    """Of the publishers with the cache's session and id, or of ours with this id."""
     with asked() as those:
-        those.ask("key", *places)
+        those.ask("key", *taken)
         await until(lambda: those.queries)
         parameters = those.queries[0].parameters
         assert (parameters.get("_sn"), parameters.get("_max")) == (numbers, str(RECOVER))

@@ -4,7 +4,7 @@ import pytest
 
 from bus.history import key_state, ordering
 from bus.history.key_state import Fetch
-from tests.bus.history.receiving import HERE, KEY, Received, message
+from tests.bus.history.receiving import HERE, KEY, OURS, Received, message
 
 
 def test_what_is_kept_comes_first_and_once() -> None:
@@ -50,7 +50,7 @@ def test_what_is_live_waits_meanwhile_where_something_is_missing_before_it() -> 
     got.live(2, 5)
     assert got.messages == [1, 2]
     got.ask_again()
-    assert got.fetches[-1] == Fetch(KEY, HERE, ("place of 2",))
+    assert got.fetches[-1] == Fetch(KEY, HERE, ((OURS, 2),))
     got.answer(3, 4, 5)
     got.live(6)
     assert got.outcome == ([1, 2, 3, 4, 5, 6], 0)
@@ -153,7 +153,7 @@ def test_a_hole_is_filled_where_more_than_the_last_is_wanted() -> None:
     got.appear()
     got.live(0, 1, 4, 5)
     assert got.messages == [0, 1]
-    assert got.fetches[1:] == [Fetch(KEY, HERE, ("place of 1",))]
+    assert got.fetches[1:] == [Fetch(KEY, HERE, ((OURS, 1),))]
     got.answer(2, 3, 4, 5)
     assert got.outcome == ([0, 1, 2, 3, 4, 5], 0)
 

@@ -1,0 +1,144 @@
+"""The messages that publishers keep for subscribers that come late or lost their link, and the answers with them."""
+
+import logging
+import re
+import threading
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from itertools import islice
+from random import getrandbits
+from typing import Final
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.history.numbering import CACHE, cache_key, stamp
+from bus.presence.own_tokens import OwnTokens
+from bus.session.panics import panics_are_errors
+
+MOST_KEPT: Final = (1 << 16) - 1
+"""Most messages that a publisher can keep."""
+
+_RANGE: Final = re.compile(r"(\d{0,18})\.\.(\d{0,18})")
+
+_log: Final = logging.getLogger(__name__)
+
+
+class KeptMessages:
+    """The newest messages of one publisher, with their numbers, which go on over its sessions. Any thread."""
+
+    def __init__(self, key: str, encoding: str, most: int) -> None:
+        self.key = key
+        self.encoding = encoding
+        self.publisher = getrandbits(32)
+        self._number = 0
+        self._kept: deque[tuple[int, bytes]] = deque(maxlen=min(most, MOST_KEPT))
+        self._lock = threading.Lock()
+
+    @property
+    def most(self) -> int:
+        """How many are kept."""
+        return self._kept.maxlen or 0
+
+    def add(self, payload: bytes) -> bytes:
+        """Keep a message; return its attachment."""
+        with self._lock:
+            self._number += 1
+            self._kept.append((self._number, payload))
+            return stamp(self.publisher, self._number)
+
+    def of(self, numbers: tuple[int, int | None], most: int | None) -> list[tuple[bytes, bytes]]:
+        """Return the newest messages with numbers from the first to the second, each with its attachment."""
+        first, last = numbers
+        with self._lock:
+            found = [each for each in self._kept if first <= each[0] and (last is None or each[0] <= last)]
+        newest = islice(found, max(0, len(found) - most) if most is not None else 0, None)
+        return [(payload, stamp(self.publisher, number)) for number, payload in newest]
+
+
+class CacheServer:
+    """Answers queries for what the publishers of a session keep.
+
+    prefix: the session's own one, under which all caches have one queryable; otherwise each has one. tokens: show that
+    a cache is there. submit: queues a call on the session's thread, where all methods are called, too.
+    """
+
+    number_of = ""
+    takes_another = False
+
+    def __init__(self, prefix: str, tokens: OwnTokens, submit: Callable[[Callable[[], None]], object]) -> None:
+        self._prefix = prefix
+        self._tokens = tokens
+        self._submit = submit
+        self._session: zenoh.Session | None = None
+        self._queryables: dict[str, zenoh.Queryable[None]] = {}
+        self._kept: dict[str, KeptMessages] = {}
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Use this session from now on."""
+        self._session = session
+        if self._prefix:
+            self._answer(session, f"{self._prefix}/**{CACHE}{session.zid()}/**")
+
+    def undeclare(self) -> None:
+        """Forget the session."""
+        queryables, self._queryables = self._queryables, {}
+        self._session = None
+        self._kept.clear()
+        for queryable in queryables.values():
+            queryable.undeclare()
+
+    def add(self, kept: KeptMessages) -> Callable[[], None]:
+        """Answer queries for these until what is returned is called."""
+        session = self._session
+        if session is None:
+            raise zenoh.ZError("the session has ended")
+        cache = cache_key(kept.key, str(session.zid()), kept.publisher)
+        if not self._has_one_for(cache):
+            self._answer(session, cache)
+        self._kept[cache] = kept
+        return partial(self._remove, cache, self._tokens.show(cache))
+
+    def _remove(self, cache: str, withdraw: Callable[[], None]) -> None:
+        withdraw()
+        self._kept.pop(cache, None)
+        if (queryable := self._queryables.pop(cache, None)) is not None:
+            queryable.undeclare()
+
+    def _has_one_for(self, cache: str) -> bool:
+        return bool(self._prefix) and cache.startswith(f"{self._prefix}/")
+
+    def _answer(self, session: zenoh.Session, key_expr: str) -> None:
+        on_query = partial(self._on_query, zenoh.KeyExpr(key_expr))
+        self._queryables[key_expr] = session.declare_queryable(key_expr, Callback(on_query, indirect=False))
+
+    def _on_query(self, own: zenoh.KeyExpr, query: zenoh.Query) -> None:
+        self._submit(partial(self._reply, own, query))
+
+    def _reply(self, own: zenoh.KeyExpr, query: zenoh.Query) -> None:
+        """Reply with what is asked for of one queryable; the query is finished when it is dropped."""
+        asked = query.key_expr
+        numbers, most = _numbers(query.parameters.get("_sn")), _most(query.parameters.get("_max"))
+        for cache, kept in list(self._kept.items()):
+            if not (own.intersects(cache) and asked.intersects(cache)):
+                continue
+            for payload, attachment in kept.of(numbers, most):
+                try:
+                    with panics_are_errors():
+                        query.reply(kept.key, payload, encoding=kept.encoding, attachment=attachment)
+                except Exception as error:  # noqa: BLE001 - whoever asks, the others are answered
+                    _log.debug("a query for %s was not answered: %s", asked, error)
+                    return
+
+
+def _numbers(text: str | None) -> tuple[int, int | None]:
+    """Return the first and the last number of Zenoh's range, such as `5..` or `5..9`; all of them if it is none."""
+    found = _RANGE.fullmatch(text or "")
+    if found is None:
+        return 0, None
+    return int(found[1] or 0), int(found[2]) if found[2] else None
+
+
+def _most(text: str | None) -> int | None:
+    return int(text) if text is not None and text.isascii() and text.isdigit() and len(text) < 10 else None

@@ -1,0 +1,1 @@
+"""Presence tokens: those of a session, in lists where it has a prefix of its own, and watches of others'."""

@@ -1,0 +1,146 @@
+"""The tokens that others show in lists, told one by one to those who watch them."""
+
+import threading
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import partial
+from typing import Final, Protocol
+
+import zenoh
+from zenoh.handlers import Callback
+
+from bus.delivery.batching import taking
+from bus.keys import is_single_key
+from bus.presence.token_lists import listed_keys, lists_of
+
+_PUT: Final = zenoh.SampleKind.PUT
+
+
+class TokenReader(Protocol):
+    """Told of the tokens under a key expression, on any thread, never two at a time."""
+
+    @property
+    def tokens(self) -> str:
+        """The key expression."""
+
+    def token(self, key: str, *, alive: bool) -> None:
+        """Take a change."""
+
+    def all_listed(self) -> None:
+        """Note that all tokens that were there have been told. Called again on each session."""
+
+
+class ListedTokens:
+    """Follows the lists that may hold what its readers watch, each kind of list once.
+
+    prefix: the session's own, whose lists it leaves out: nobody else shows any there.
+    """
+
+    number_of = ""
+    takes_another = False
+
+    def __init__(self, prefix: str) -> None:
+        self._prefix = prefix
+        self._session: zenoh.Session | None = None
+        self._followed: dict[str, _Lists] = {}
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Use this session from now on. Session's thread only."""
+        self._session = session
+
+    def undeclare(self) -> None:
+        """Forget the session. Session's thread only."""
+        self._session = None
+        followed, self._followed = self._followed, {}
+        for lists in followed.values():
+            lists.close()
+
+    def add(self, reader: TokenReader) -> Callable[[], None]:
+        """Tell a reader of listed tokens until what is returned is called. Session's thread only."""
+        lists = lists_of(reader.tokens)
+        if self._session is None or not lists or (self._prefix and lists.startswith(f"{self._prefix}/")):
+            reader.all_listed()
+            return lambda: None
+        followed = self._followed.get(lists)
+        if followed is None:
+            followed = self._followed[lists] = _Lists(self._session, lists)
+        followed.add(reader)
+        return partial(self._remove, lists, followed, reader)
+
+    def _remove(self, lists: str, followed: "_Lists", reader: TokenReader) -> None:
+        followed.remove(reader)
+        if followed.is_idle and self._followed.get(lists) is followed:
+            del self._followed[lists]
+            followed.close()
+
+
+class _Lists:
+    """The lists under one key expression, on one session."""
+
+    def __init__(self, session: zenoh.Session, lists: str) -> None:
+        self._lock = threading.Lock()
+        self._readers: dict[TokenReader, zenoh.KeyExpr] = {}
+        self._lists: dict[str, list[str]] = {}
+        self._present: Counter[str] = Counter()
+        self._all_told = False
+        self._declared = ExitStack()
+        declare = partial(session.liveliness().declare_subscriber, lists)
+        self._declared.enter_context(taking(declare, self._on_lists, together="*/" in lists))
+        session.liveliness().get(lists, Callback(self._on_list_there, self._on_all_there, indirect=False))
+
+    @property
+    def is_idle(self) -> bool:
+        return not self._readers
+
+    def close(self) -> None:
+        self._declared.close()
+
+    def add(self, reader: TokenReader) -> None:
+        expression = zenoh.KeyExpr(reader.tokens)
+        with self._lock:
+            self._readers[reader] = expression
+            for key in self._present:
+                if expression.intersects(key):
+                    reader.token(key, alive=True)
+            if self._all_told:
+                reader.all_listed()
+
+    def remove(self, reader: TokenReader) -> None:
+        with self._lock:
+            self._readers.pop(reader, None)
+
+    def _on_list_there(self, reply: zenoh.Reply) -> None:
+        if reply.ok is not None:
+            self._on_lists([reply.ok])
+
+    def _on_all_there(self) -> None:
+        with self._lock:
+            self._all_told = True
+            for reader in list(self._readers):
+                reader.all_listed()
+
+    def _on_lists(self, samples: Sequence[zenoh.Sample]) -> None:
+        with self._lock:
+            for sample in samples:
+                self._on_list(str(sample.key_expr), alive=sample.kind == _PUT)
+
+    def _on_list(self, list_key: str, *, alive: bool) -> None:
+        if alive == (list_key in self._lists):
+            return
+        if alive:
+            keys = self._lists[list_key] = list({key: None for key in listed_keys(list_key) if is_single_key(key)})
+        else:
+            keys = self._lists.pop(list_key)
+        for key in keys:
+            before = self._present[key]
+            self._present[key] += 1 if alive else -1
+            if not self._present[key]:
+                del self._present[key]
+            if not (before and self._present[key]):
+                self._tell(key, alive=alive)
+
+    def _tell(self, key: str, *, alive: bool) -> None:
+        for reader, expression in list(self._readers.items()):
+            if expression.intersects(key):
+                reader.token(key, alive=alive)

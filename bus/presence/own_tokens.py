@@ -1,0 +1,91 @@
+"""The presence tokens that a session shows."""
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+import zenoh
+
+from bus.presence.token_lists import can_list, list_keys
+from bus.session.declaration import reason_of
+
+TOGETHER_S: Final = 0.2
+"""Shortest time between two changes of the lists: what comes and goes in between is one change."""
+
+_log: Final = logging.getLogger(__name__)
+
+
+class OwnTokens:
+    """Shows tokens: those under the session's prefix in lists, others as they are. Session's thread only.
+
+    prefix: empty if the session has none. later: has a call made on the session's thread after some seconds.
+    """
+
+    number_of = ""
+    takes_another = False
+
+    def __init__(self, prefix: str, later: Callable[[float, Callable[[], None]], None]) -> None:
+        self._prefix = prefix
+        self._later = later
+        self._session: zenoh.Session | None = None
+        self._listed: Counter[str] = Counter()
+        self._lists: dict[str, zenoh.LivelinessToken] = {}
+        self._changed_s = 0.0
+        self._is_due = False
+
+    def declare(self, session: zenoh.Session) -> None:
+        """Show tokens on this session from now on."""
+        self._session = session
+        self._changed_s = 0.0
+
+    def undeclare(self) -> None:
+        """Forget the session; its tokens end with it."""
+        self._session = None
+        self._listed.clear()
+        self._lists.clear()
+
+    def show(self, key: str) -> Callable[[], None]:
+        """Show a token, in a list a moment later; return what withdraws it.
+
+        Raises:
+            zenoh.ZError: it was refused.
+        """
+        if self._session is None:
+            return lambda: None
+        if not can_list(self._prefix, key):
+            return self._session.liveliness().declare_token(key).undeclare
+        self._listed[key] += 1
+        self._change_soon()
+        return partial(self._withdraw, self._session, key)
+
+    def _withdraw(self, session: zenoh.Session, key: str) -> None:
+        if session is self._session:
+            self._listed[key] -= 1
+            self._listed += Counter()  # without those that are 0
+            self._change_soon()
+
+    def _change_soon(self) -> None:
+        if not self._is_due:
+            self._is_due = True
+            self._later(max(0.0, self._changed_s + TOGETHER_S - time.monotonic()), self._change)
+
+    def _change(self) -> None:
+        """Show the lists as they are now. New ones first, so that no token in both seems to vanish."""
+        self._is_due = False
+        self._changed_s = time.monotonic()
+        if self._session is None:
+            return
+        wanted = set(list_keys(self._prefix, self._listed))
+        gone = [token for key, token in self._lists.items() if key not in wanted]
+        for key in wanted - self._lists.keys():
+            try:
+                self._lists[key] = self._session.liveliness().declare_token(key)
+            except zenoh.ZError as error:
+                _log.error("a list of presence tokens was refused: %s", reason_of(error))
+                return
+        self._lists = {key: token for key, token in self._lists.items() if key in wanted}
+        for token in gone:
+            token.undeclare()

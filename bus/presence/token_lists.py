@@ -1,0 +1,55 @@
+"""Lists of presence tokens, each shown as one token of Zenoh. Pure.
+
+What a token costs a router grows with the number of tokens, and a robot has a dozen. So a process that alone speaks
+under `fleet/{robot}` shows `fleet/{robot}/@alive/{list}`: the rest of each key, with `:` in the place of `/`, joined by
+commas.
+"""
+
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+ROOT: Final = "fleet"
+"""First chunk of all keys that may be in lists; the second is the robot's name."""
+
+LIST: Final = "@alive"
+SLASH: Final = ":"
+COMMA: Final = ","
+
+MOST_CHARACTERS: Final = 8_000
+"""Longest list: further tokens are in another one. A key of Zenoh has at most 65,535 bytes."""
+
+
+def can_list(prefix: str, key: str) -> bool:
+    """Return whether a token can be in a list of this prefix; of none if it is empty."""
+    return bool(prefix) and key.startswith(f"{prefix}/") and not {SLASH, COMMA} & set(key)
+
+
+def list_keys(prefix: str, keys: Iterable[str]) -> Iterator[str]:
+    """Yield the keys of lists that hold these keys, all of which can be listed."""
+    names: list[str] = []
+    length = 0
+    for key in keys:
+        name = key.removeprefix(f"{prefix}/").replace("/", SLASH)
+        if names and length + len(name) > MOST_CHARACTERS:
+            yield f"{prefix}/{LIST}/{COMMA.join(names)}"
+            names, length = [], 0
+        names.append(name)
+        length += len(name) + len(COMMA)
+    if names:
+        yield f"{prefix}/{LIST}/{COMMA.join(names)}"
+
+
+def listed_keys(list_key: str) -> list[str]:
+    """Return the keys that a list holds."""
+    prefix, _, names = list_key.partition(f"/{LIST}/")
+    return [f"{prefix}/{name.replace(SLASH, '/')}" for name in names.split(COMMA)]
+
+
+def lists_of(key_expr: str) -> str:
+    """Return the key expression of all lists that may hold a key of an expression, or empty."""
+    first, *rest = key_expr.split("/")
+    if first == "**":
+        return f"{ROOT}/*/{LIST}/*"
+    if first not in {ROOT, "*"} or not rest:
+        return ""
+    return f"{ROOT}/{'*' if rest[0] == '**' else rest[0]}/{LIST}/*"
