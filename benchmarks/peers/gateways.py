@@ -27,7 +27,7 @@ from bus.presence.watching import ZenohToken, ZenohWatch
 from bus.session.config import session_config
 from bus.session.declaration import Declaration
 from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer
-from gateway.to_bus.translators import kind_of
+from gateway.to_bus.translators import StreamKind, kind_of
 from schemas import codec, consumer_keys, keys
 from schemas.status import GatewayStatus
 
@@ -76,7 +76,7 @@ class Fleet:
         caches = CacheServer(prefix, tokens, _now)
         publisher = partial(self._publisher, caches)
         status = publisher(keys.gateway_status(robot), QoS.STATUS, codec.encoding(GatewayStatus))
-        for each in [
+        declarations: list[Declaration] = [
             tokens,
             caches,
             *(publisher(str(key), kind.qos, kind.encoding) for key, kind in _streams(robot)),
@@ -84,7 +84,8 @@ class Fleet:
             *self._requests(robot),
             status,
             ZenohToken(keys.robot_alive(robot), tokens),
-        ]:
+        ]
+        for each in declarations:
             each.declare(session)
             self._kept.append(each)
         for call in last:
@@ -108,7 +109,7 @@ class Fleet:
         return ZenohPublisher(key, qos, encoding, demand, self._lanes, caches=caches, kept=1, shared_memory=False)
 
 
-def _streams(robot: str) -> list[tuple[keys.SensorKey, Kind]]:
+def _streams(robot: str) -> list[tuple[keys.SensorKey, StreamKind]]:
     found = [keys.sensor_key(robot, name) for name in STREAMS]
     return [(key, kind_of(key)) for key in found]
 

@@ -1,15 +1,18 @@
 """Fetches samples of many publishers in batches: one by one, each would wait for the interpreter lock."""
 
+import atexit
 import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any, Final
+from weakref import WeakSet
 
 import zenoh
 from zenoh.handlers import Callback, FifoChannel
 
+from bus.errors import BusError
 from bus.session.panics import panics_are_errors
 
 ROOM: Final = 16_384
@@ -33,6 +36,8 @@ DELIVERED_S: Final = 0.05
 STOP_GRACE_S: Final = 0.2
 """Longest wait for a batch that is being delivered when its subscriber is undeclared."""
 
+_OPEN: Final[WeakSet[ExitStack]] = WeakSet()
+
 _log: Final = logging.getLogger(__name__)
 
 
@@ -47,10 +52,19 @@ def taking(
     if together:
         subscriber = declare(FifoChannel(ROOM))
         declared.callback(Gathering(subscriber.handler, deliver).join, STOP_GRACE_S)
+        _OPEN.add(declared)
     else:
         subscriber = declare(Callback(lambda sample: deliver([sample]), indirect=False))
     declared.callback(subscriber.undeclare)
     return declared
+
+
+@atexit.register
+def _close_all() -> None:
+    """End the threads of a process that ends without closing its bus: in Zenoh's code, they would abort it."""
+    for declared in list(_OPEN):
+        with suppress(zenoh.ZError, BusError), panics_are_errors():
+            declared.close()
 
 
 class Gathering:

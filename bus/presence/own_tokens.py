@@ -27,7 +27,7 @@ class OwnTokens:
     number_of = ""
     takes_another = False
 
-    def __init__(self, prefix: str, later: Callable[[float, Callable[[], None]], None]) -> None:
+    def __init__(self, prefix: str, later: Callable[[float, Callable[[], None]], object]) -> None:
         self._prefix = prefix
         self._later = later
         self._session: zenoh.Session | None = None

@@ -9,7 +9,10 @@ from enum import StrEnum
 from typing import Final
 
 ALL: Final = ("fleet/**", "workers/**", "services/**", "world/**", "warehouses/**")
-PRESENCE: Final = ("fleet/**", "workers/**")
+PRESENCE: Final = ("fleet/**", "workers/**", "fleet/*/@alive/*")
+"""Presence tokens, also those that robots show in lists: `**` matches no chunk that begins with `@`."""
+
+READ: Final = ("fleet/**", "workers/**")
 WANTED: Final = ("fleet/*/**/wanted/*/*",)
 
 
@@ -57,8 +60,8 @@ def of_robot(name: str) -> Permissions:
         sends=(f"fleet/{name}/**", f"workers/*/{name}-$*/status"),
         asks=(f"fleet/{name}/**",),
         hears=(f"fleet/{name}/**",),
-        shows=(f"fleet/{name}/**", f"workers/*/*/*/{name}/alive", f"workers/*/*/serves/{name}/*"),
-        watches=(f"fleet/{name}/**", "workers/**"),
+        shows=(f"fleet/{name}/**", f"fleet/{name}/@alive/*", f"workers/*/*/*/{name}/alive", f"workers/*/*/serves/{name}/*"),
+        watches=(f"fleet/{name}/**", f"fleet/{name}/@alive/*", "workers/**"),
     )
 
 
@@ -108,8 +111,8 @@ def _worker(
             *(f"{each}/{end}" for each in own for end in ("status", "settings")),
             *more,
         ),
-        asks=(*PRESENCE, "world/**"),
-        hears=(*PRESENCE, "world/**"),
+        asks=(*READ, "world/**"),
+        hears=(*READ, "world/**"),
         shows=(*WANTED, *(f"{each}/**" for each in own)),
         watches=PRESENCE,
     )

@@ -11,9 +11,9 @@ import zenoh
 
 from bus import QUEUE, Bus, Presence, Publisher, QoS, open_bus
 from bus.history import caches
-from bus.session.config import session_config
 from bus.presence.listed_tokens import ListedTokens
 from bus.presence.watching import ZenohWatch
+from bus.session.config import session_config
 from tests.bus.sessions import LEASE_S, ROUTER, Numbering, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of, until

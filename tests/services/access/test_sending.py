@@ -128,12 +128,29 @@ def test_what_it_answers(fleet: Fleet, name: str, key: str, allowed: bool) -> No
         queryable.undeclare()
 
 
+@pytest.mark.parametrize(("name", "allowed"), [("r1", True), ("rack1", False), ("ann", False)])
+def test_what_a_robot_keeps_is_had_from_one_queryable(fleet: Fleet, name: str, allowed: bool) -> None:  # noqa: FBT001
+    key = "fleet/r1/front/info"
+    queryable = fleet.members[name].declare_queryable("fleet/r1/**/@adv/pub/1/**", lambda query: query.reply(key, b"x"))
+    end = time.monotonic() + (10 if allowed else QUIET_S)
+    replies: list[str] = []
+    try:
+        while not replies and time.monotonic() < end:
+            found = fleet.central.get(f"{key}/@adv/pub/1/2/_", accept_replies=zenoh.ReplyKeyExpr.ANY, timeout=ANSWER_S)
+            replies = [str(reply.ok.key_expr) for reply in found if reply.ok]
+        assert replies == ([key] if allowed else [])
+    finally:
+        queryable.undeclare()
+
+
 SHOWN = [
     ("r1", "fleet/r1/alive", True),
     ("r1", "fleet/r1/front/color/alive", True),
     ("r1", "workers/distance/r1-12-ab/1/r1/alive", True),
     ("r1", "workers/distance/r1-12-ab/serves/r1/front", True),
+    ("r1", "fleet/r1/@alive/alive,front:color:alive", True),
     ("r1", "fleet/r2/alive", False),
+    ("r1", "fleet/r2/@alive/alive", False),
     ("r1", "fleet/r2/front/color/wanted/here/x", False),
     ("r1", "workers/distance/r1-12-ab/1000/-/alive", False),
     ("r1", "workers/distance/r1-12-ab/1/r2/alive", False),
@@ -145,6 +162,8 @@ SHOWN = [
     ("gpu1", "workers/distance/gpu1-12-ab/1/-/alive", False),
     ("gpu1", "fleet/r1/alive", False),
     ("gpu1", "fleet/r1/front/color/alive", False),
+    ("gpu1", "fleet/r1/@alive/front:color:alive", False),
+    ("ann", "fleet/r1/@alive/front:color:alive", False),
     ("world1", "workers/worldmodel/world1-12-ab/1/-/alive", True),
     ("world1", "fleet/r1/alive", False),
     ("central2", "fleet/r1/front/color/wanted/here/x", True),
@@ -159,7 +178,8 @@ SHOWN = [
 @pytest.mark.parametrize(("name", "key", "allowed"), SHOWN)
 def test_what_presence_it_shows(fleet: Fleet, name: str, key: str, allowed: bool) -> None:  # noqa: FBT001
     seen = Seen()
-    watching = fleet.central.liveliness().declare_subscriber("**", seen)
+    lists = "fleet/*/@alive/*"  # which ** does not match
+    watching = fleet.central.liveliness().declare_subscriber(lists if "@" in key else "**", seen)
     tokens: list[zenoh.LivelinessToken] = []
     try:
         shown = seen.after(

@@ -1,0 +1,156 @@
+"""Lists of presence tokens: their form, and real sessions that show and read them."""
+
+import pytest
+import zenoh
+
+from bus import QUEUE, BusSettings, Presence, QoS, open_bus
+from bus.presence.token_lists import MOST_CHARACTERS, can_list, list_keys, listed_keys, lists_of
+from tests.bus.sessions import client, router
+from tests.contract.conftest import free_endpoint
+from tests.contract.waiting import next_of, until
+
+PREFIX = "fleet/r1"
+KEYS = ["fleet/r1/alive", "fleet/r1/front/color/alive", "fleet/r1/status/@adv/pub/abc/7/_"]
+
+
+def test_keys_are_listed_and_read() -> None:
+    (only,) = list_keys(PREFIX, KEYS)
+    assert only == "fleet/r1/@alive/alive,front:color:alive,status:@adv:pub:abc:7:_"
+    assert listed_keys(only) == KEYS
+    assert zenoh.KeyExpr(lists_of("fleet/*/alive")).intersects(only)
+
+
+def test_many_keys_take_several_lists() -> None:
+    keys = [f"{PREFIX}/camera-{number:060}/color/alive" for number in range(300)]
+    lists = list(list_keys(PREFIX, keys))
+    assert len(lists) > 1
+    assert all(len(each) <= MOST_CHARACTERS + 20 for each in lists)
+    assert [key for each in lists for key in listed_keys(each)] == keys
+    assert list(list_keys(PREFIX, [])) == []
+
+
+@pytest.mark.parametrize(
+    ("prefix", "key", "expected"),
+    [
+        (PREFIX, "fleet/r1/alive", True),
+        (PREFIX, "fleet/r11/alive", False),
+        (PREFIX, "fleet/r1", False),
+        (PREFIX, "fleet/r1/a:b", False),
+        (PREFIX, "fleet/r1/a,b", False),
+        ("", "fleet/r1/alive", False),
+    ],
+)
+def test_what_can_be_listed(prefix: str, key: str, *, expected: bool) -> None:
+    assert can_list(prefix, key) == expected
+
+
+@pytest.mark.parametrize(
+    ("key_expr", "lists"),
+    [
+        ("fleet/*/*/color/alive", "fleet/*/@alive/*"),
+        ("fleet/r1/**", "fleet/r1/@alive/*"),
+        ("fleet/**", "fleet/*/@alive/*"),
+        ("**", "fleet/*/@alive/*"),
+        ("**/alive", "fleet/*/@alive/*"),
+        ("*/r1/alive", "fleet/r1/@alive/*"),
+        ("fleet", ""),
+        ("*", ""),
+        ("workers/**", ""),
+    ],
+)
+def test_where_the_lists_of_an_expression_are(key_expr: str, lists: str) -> None:
+    assert lists_of(key_expr) == lists
+
+
+async def test_a_robot_shows_one_token_whatever_it_has() -> None:
+    endpoint = free_endpoint()
+    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
+    async with (
+        open_bus(router(endpoint)),
+        open_bus(client(endpoint), prefix=PREFIX) as robot,
+        open_bus(client(endpoint)) as here,
+        here.watch("fleet/*/*/color/alive") as watch,
+    ):
+        with zenoh.open(config) as outside:
+            async with robot.announce("fleet/r1/alive"), robot.announce("fleet/r1/back/color/alive"):
+                assert await next_of(watch) == Presence("fleet/r1/back/color/alive", alive=True)
+                async with robot.announce("fleet/r1/front/color/alive"), robot.announce("elsewhere"):
+                    assert await next_of(watch) == Presence("fleet/r1/front/color/alive", alive=True)
+                    await until(
+                        lambda: shown(outside)
+                        == {"fleet/r1/@alive/alive,back:color:alive,front:color:alive", "elsewhere"}
+                    )
+                assert await next_of(watch) == Presence("fleet/r1/front/color/alive", alive=False)
+            assert await next_of(watch) == Presence("fleet/r1/back/color/alive", alive=False)
+            await until(lambda: not shown(outside))
+
+
+def shown(session: zenoh.Session) -> set[str]:
+    """Return the tokens that a session is told of, those with an @ as well."""
+    replies = [*session.liveliness().get("**"), *session.liveliness().get("fleet/*/@alive/*")]
+    return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+
+
+async def test_a_list_of_another_program_is_read_as_far_as_it_holds_keys() -> None:
+    endpoint = free_endpoint()
+    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
+    async with open_bus(router(endpoint)), open_bus(client(endpoint)) as here, here.watch("fleet/*/**") as watch:
+        with zenoh.open(config) as outside:
+            token = outside.liveliness().declare_token("fleet/r2/@alive/,a::b,x,x,:,y")
+            found = [await next_of(watch), await next_of(watch)]
+            token.undeclare()
+            found += [await next_of(watch), await next_of(watch)]
+    keys = ["fleet/r2/x", "fleet/r2/y"]
+    assert found == [Presence(key, alive=alive) for alive in (True, False) for key in keys]
+
+
+async def test_what_is_in_two_lists_is_there_until_it_is_in_neither() -> None:
+    endpoint = free_endpoint()
+    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
+    async with open_bus(router(endpoint)), open_bus(client(endpoint)) as here, here.watch("fleet/*/**") as watch:
+        with zenoh.open(config) as outside:
+            first = outside.liveliness().declare_token("fleet/r2/@alive/x")
+            assert await next_of(watch) == Presence("fleet/r2/x", alive=True)
+            second = outside.liveliness().declare_token("fleet/r2/@alive/x,y")
+            assert await next_of(watch) == Presence("fleet/r2/y", alive=True)
+            first.undeclare()
+            outside.liveliness().declare_token("fleet/r2/z")
+            assert await next_of(watch) == Presence("fleet/r2/z", alive=True)
+            second.undeclare()
+            assert await next_of(watch) == Presence("fleet/r2/x", alive=False)
+
+
+async def test_a_late_watch_and_a_late_subscription_share_what_is_known() -> None:
+    endpoint = free_endpoint()
+    async with (
+        open_bus(router(endpoint)),
+        open_bus(client(endpoint), prefix=PREFIX) as robot,
+        open_bus(client(endpoint)) as here,
+        robot.announce("fleet/r1/alive"),
+        robot.publisher("fleet/r1/status", QoS.STATUS) as out,
+        here.watch("fleet/*/alive") as first,
+    ):
+        out.put(b"kept")
+        assert await next_of(first) == Presence("fleet/r1/alive", alive=True)
+        async with here.watch("fleet/*/alive") as second, here.subscribe("fleet/*/status", QUEUE(9)) as statuses:
+            assert await next_of(second) == Presence("fleet/r1/alive", alive=True)
+            assert (await next_of(statuses)).payload == b"kept"
+
+
+async def test_lists_are_shown_and_read_again_on_the_next_session() -> None:
+    endpoint = free_endpoint()
+    settings = BusSettings(connect=[endpoint], lease_s=1.0)
+    async with (
+        open_bus(settings, prefix=PREFIX) as robot,
+        open_bus(settings) as here,
+        robot.publisher("fleet/r1/status", QoS.STATUS) as out,
+        robot.announce("fleet/r1/alive"),
+        here.watch("fleet/*/alive") as watch,
+        here.subscribe("fleet/*/status", QUEUE(9)) as statuses,
+    ):
+        for number in range(2):
+            async with open_bus(router(endpoint)):
+                assert await next_of(watch) == Presence("fleet/r1/alive", alive=True)
+                out.put(b"%d" % number)
+                assert (await next_of(statuses)).payload == b"%d" % number
+            assert await next_of(watch) == Presence("fleet/r1/alive", alive=False)
