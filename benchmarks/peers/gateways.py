@@ -88,11 +88,11 @@ class Fleet:
         for each in declarations:
             each.declare(session)
             self._kept.append(each)
-        for call in last:
-            call()
         status.put(STATUS)
-        for _ in session.liveliness().get("nobody", timeout=SETTLING_S):
-            pass
+        for call in (lambda: None, *last):  # who has the status live by then need not ask for it
+            call()
+            for _ in session.liveliness().get("nobody", timeout=SETTLING_S):
+                pass
         self._sessions.append(session)
 
     def _requests(self, robot: str) -> Iterator[Declaration]:

@@ -7,7 +7,7 @@ monitor does. One more robot joins by way of a relay that counts what crosses it
     bytes_per_robot_joining  both ways, without signs of life, beside so many robots, the median of three;
                              joining_spread: the most over the least
     router_kb_per_robot      resident memory of the router at the most robots, over that without robots
-    declarations             of one robot at the router: publishers, subscribers, queryables and tokens
+    declarations             of one robot, as a router lists them, and its watch of others' tokens
     restart_s                from the start of another router, after the first was killed, until the client sees every
                              robot and stream again; null, and restart_missing, if not within a minute
     curve                    the same by the number of robots
@@ -23,6 +23,7 @@ from typing import Any, Final
 
 from benchmarks.arguments import at_least_one, parser_of, show
 from benchmarks.machine import machine, versions
+from benchmarks.scale.declarations import declarations
 from benchmarks.scale.fleet import Fleet, fleet
 from benchmarks.targets import at_most
 
@@ -30,8 +31,8 @@ JOINING: Final = (10, 50, 200)
 JOINS: Final = 3
 SPREAD: Final = 1.2
 RESTART_S: Final = 20
-RESTARTED: Final = 200
-"""Robots with which the router is also restarted on the way."""
+RESTARTED: Final = (200, 1_000)
+"""Robots with which the router is restarted; restart_s is that of the last."""
 
 KB_PER_ROBOT: Final = 150
 DECLARATIONS: Final = 8
@@ -50,17 +51,17 @@ async def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     """Have more and more robots."""
     load = os.getloadavg()[0]
     steps = sorted({each for each in (*JOINING, 500, 1_000) if each < arguments.robots} | {arguments.robots})
+    declared = await asyncio.to_thread(declarations)
     async with fleet() as robots:
         curve = [await _step(robots, number) for number in steps]
-        declarations = await robots.declarations()
         restart = await robots.restart()
     joining = {str(each["robots"]): each["bytes_joining"] for each in curve if each["robots"] in JOINING}
     found = {
         "bytes_per_robot_joining": joining,
         "joining_spread": round(max(joining.values()) / min(joining.values()), 2) if joining else None,
         "router_kb_per_robot": curve[-1]["router_kb_per_robot"],
-        "declarations_per_robot": sum(declarations.values()),
-        "declarations": declarations,
+        "declarations_per_robot": sum(declared.values()),
+        "declarations": declared,
         **restart,
     }
     limits = {
@@ -86,7 +87,7 @@ async def _step(robots: Fleet, number: int) -> dict[str, Any]:
     coming = await robots.grow(number)
     joined = [await robots.join() for _ in range(JOINS)]
     found = {"robots": number, **coming, "bytes_joining": statistics.median(joined), "bytes_joining_each": joined}
-    return found | (await robots.restart() if number == RESTARTED else {})
+    return found | (await robots.restart() if number in RESTARTED else {})
 
 
 if __name__ == "__main__":

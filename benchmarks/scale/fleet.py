@@ -12,8 +12,7 @@ from benchmarks.gateway.link_meter import LinkMeter
 from benchmarks.gateway.processes import PeerError, Process, module, running
 from benchmarks.peers.gateways import STREAMS
 from benchmarks.progress import note
-from bus import QUEUE, Bus, BusSettings, QoS, Watch, open_bus
-from gateway.to_bus.translators import kind_of
+from bus import QUEUE, Bus, BusSettings, Watch, open_bus
 from schemas import keys
 
 PROCESSES: Final = 5
@@ -27,7 +26,7 @@ PATIENCE_S: Final = 240.0
 RESTART_LIMIT_S: Final = 60.0
 STEP_S: Final = 0.1
 TOKENS: Final = len(STREAMS) + 1
-"""Tokens of a robot: its own, and one of each stream."""
+"""Tokens of a robot, in one list: its own, and one of each stream."""
 
 
 class Fleet:
@@ -116,28 +115,6 @@ class Fleet:
         }
         note(f"restart of {self._robots}: {found}")
         return found
-
-    async def declarations(self) -> dict[str, int]:
-        """Return the declarations of one robot at the router; tokens are counted there."""
-        robot = min(self._present).split("/")[1]
-        kept = [name for name in STREAMS if kind_of(keys.sensor_key(robot, name)).qos is not QoS.IMAGE]
-        tokens = {key for key in self._present if key.split("/")[1] == robot}
-        caches = await self._caches(robot)
-        if caches != len(kept) + 1:
-            raise PeerError(f"{robot} has {caches} caches, not {len(kept) + 1}")
-        publishers = len(STREAMS) + 1 + caches
-        return {"publishers": publishers, "subscribers": 2, "queryables": 2 + caches, "tokens": len(tokens) + caches}
-
-    async def _caches(self, robot: str) -> int:
-        found: set[str] = set()
-        async with self._bus.watch(f"fleet/{robot}/**/@adv/**") as watch:
-            try:
-                async with asyncio.timeout(QUIET_S):
-                    async for token in watch:
-                        found.add(token.key)
-            except TimeoutError:
-                return len(found)
-        return len(found)
 
     def _all_are_present(self) -> bool:
         return len(self._present) >= self._robots * TOKENS

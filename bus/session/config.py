@@ -8,7 +8,10 @@ from bus.session.link_use import MAX_LINKS
 from bus.settings import BusSettings
 
 OPEN_TIMEOUT_MS: Final = 1_000
-"""Longest duration of one attempt to connect."""
+"""Longest duration of one attempt to connect that a session's opening waits for."""
+
+PATIENT_MS: Final = 5_000
+"""The same for attempts in the background, and for routers, to which a fleet comes all at once after a restart."""
 
 MAX_BLOCKED_MS: Final = 1_000
 """Time for which a link may block a declaration before it counts as lost; shorter than the deadline for closing."""
@@ -86,8 +89,8 @@ def session_config(
         "timestamping": {"enabled": False},
         "transport": {
             "unicast": {
-                "open_timeout": OPEN_TIMEOUT_MS,
-                "accept_timeout": OPEN_TIMEOUT_MS,
+                "open_timeout": OPEN_TIMEOUT_MS if settings.has_one_link else PATIENT_MS,
+                "accept_timeout": PATIENT_MS,
                 "accept_pending": links,
                 "max_sessions": links,
             },
