@@ -233,7 +233,7 @@ class Bus(Protocol):
     ) -> AbstractAsyncContextManager[Publisher]:
         """Publish on one key until the context ends. `on_demand` is called on the event loop when `wanted` changes.
 
-        kept: how many messages, the newest, are there for late subscribers and for those whose link was cut.
+        kept: how many messages, the newest, are there for late subscribers and for those whose link was cut; or none.
         Leaving waits up to a second for what was put to be handed to the link.
         """
 

@@ -3,7 +3,7 @@
 import asyncio
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from typing import Any, Final
 
@@ -77,7 +77,7 @@ class ZenohPublisher(MessageWriter):
         super().__init__(key, demand, self._offer)
         self._qos = qos
         self._encoding = encoding
-        self._kept = None if qos in UNKEPT else KeptMessages(key, encoding, kept)
+        self._kept = None if qos in UNKEPT or not kept else KeptMessages(key, encoding, kept)
         self._caches = caches
         self._declared = ExitStack()
         self._turn = 0  # of being declared; callbacks compare it, as one with a session would release that at any time
@@ -157,12 +157,9 @@ class ZenohPublisher(MessageWriter):
             publisher.put(placed)
 
     def _write_kept(self, publisher: zenoh.Publisher, kept: KeptMessages, payload: bytes) -> None:
-        attachment = kept.add(payload)  # first: what a lost link does not take is had from the cache
-        try:
+        attachment = kept.add(payload)
+        with suppress(zenoh.ZError):  # what a lost link does not take is had from the cache
             publisher.put(payload, attachment=attachment)
-        except zenoh.ZError:
-            if not kept.most:
-                raise
 
     def undeclare(self) -> None:
         """Write waiting messages within a short grace period, and undeclare."""

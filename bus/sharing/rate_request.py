@@ -36,19 +36,29 @@ class RateRequest:
         self._changed.set()
 
     async def tell(self, bus: Bus, frames: StreamKey, consumer: str) -> None:
-        """Publish the consumer's request for a stream on each change, and a limit every REPEAT_S, forever."""
+        """Publish the consumer's request for a stream on each change, and a limit every REPEAT_S, forever.
+
+        A gateway that comes gets it at once: then there is demand for it.
+        """
         if self.hz is None:
             self._changed.clear()
             await self._changed.wait()
         key = consumer_keys.budget(frames.camera, consumer)
-        async with bus.publisher(key, QoS.STATUS, encoding=codec.encoding(RateBudget)) as publisher:
+        async with bus.publisher(
+            key, QoS.STATUS, encoding=codec.encoding(RateBudget), kept=0, on_demand=self._repeat
+        ) as publisher:
             while True:
                 self._changed.clear()
-                publisher.put(codec.encode(self._budget(frames, consumer)))
-                self._wait_s = 0.0
+                if publisher.wanted:
+                    publisher.put(codec.encode(self._budget(frames, consumer)))
+                    self._wait_s = 0.0
                 with suppress(TimeoutError):
                     async with asyncio.timeout(None if self.hz is None else REPEAT_S):
                         await self._changed.wait()
+
+    def _repeat(self, wanted: bool) -> None:  # noqa: FBT001 - the bus calls it so
+        if wanted:
+            self._changed.set()
 
     def _budget(self, frames: StreamKey, consumer: str) -> RateBudget:
         return RateBudget(

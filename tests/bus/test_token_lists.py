@@ -77,8 +77,9 @@ async def test_a_robot_shows_one_token_whatever_it_has() -> None:
                 async with robot.announce("fleet/r1/front/color/alive"), robot.announce("elsewhere"):
                     assert await next_of(watch) == Presence("fleet/r1/front/color/alive", alive=True)
                     await until(
-                        lambda: shown(outside)
-                        == {"fleet/r1/@alive/alive,back:color:alive,front:color:alive", "elsewhere"}
+                        lambda: (
+                            shown(outside) == {"fleet/r1/@alive/alive,back:color:alive,front:color:alive", "elsewhere"}
+                        )
                     )
                 assert await next_of(watch) == Presence("fleet/r1/front/color/alive", alive=False)
             assert await next_of(watch) == Presence("fleet/r1/back/color/alive", alive=False)

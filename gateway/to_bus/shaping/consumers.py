@@ -177,7 +177,9 @@ class Consumers:
                 self.note(presence)
 
     async def _follow_budgets(self, bus: Bus) -> None:
-        async with bus.subscribe(consumer_keys.every_budget(self._robot), BUDGETS_WAITING, few=True) as budgets:
+        async with bus.subscribe(
+            consumer_keys.every_budget(self._robot), BUDGETS_WAITING, history=False, few=True
+        ) as budgets:
             async for sample in budgets:
                 self.note_budget(sample)
 

@@ -76,6 +76,20 @@ async def test_a_limit_is_said_again_for_a_gateway_that_forgot_it(monkeypatch: p
         assert budgets.counts.received == received, "and nothing once there is none"
 
 
+async def test_a_gateway_that_comes_later_hears_a_limit_at_once() -> None:
+    asked = RateRequest()
+    asked.ask(2.5, 0.4)
+    network = FakeNetwork()
+    async with network.open_bus() as ours, network.open_bus() as theirs, asyncio.TaskGroup() as group:
+        task = group.create_task(asked.tell(ours, StreamKey(FRONT, Stream.COLOR), "w1"))
+        await asyncio.sleep(0.05)
+        for expected in (budget(2.5, 0.4), budget(2.5)):
+            async with theirs.subscribe(consumer_keys.every_budget("r1"), QUEUE(9), history=False) as budgets:
+                assert await told(budgets) == expected
+            await asyncio.sleep(0.05)
+        task.cancel()
+
+
 def test_it_is_known_when_the_next_one_is_wanted() -> None:
     asked = RateRequest()
     before_ns = time.time_ns()

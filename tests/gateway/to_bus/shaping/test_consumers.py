@@ -124,7 +124,8 @@ async def test_budgets_are_heard_on_the_bus() -> None:
     async with network.open_bus() as ours, network.open_bus() as theirs:
         following = asyncio.create_task(consumers.follow(ours))
         key = "fleet/r1/front/budget/w"
-        async with theirs.publisher(key, QoS.STATUS, encoding=codec.encoding(RateBudget)) as publisher:
+        async with theirs.publisher(key, QoS.STATUS, encoding=codec.encoding(RateBudget), kept=0) as publisher:
+            await until(lambda: publisher.wanted, "subscribed to")
             publisher.put(budget_of(1).payload)
             now_ns = time.time_ns() + 10_000_000_000
             await until(lambda: not (consumers.passes(COLOR, now_ns) and consumers.passes(COLOR, now_ns)), "heard")
