@@ -57,7 +57,6 @@ async def test_what_a_publisher_kept_comes_in_order_to_a_late_subscriber_that_as
             assert some.counts == SubscriptionCounts(received=4, dropped=0)
 
 
-@pytest.mark.parametrize("qos", [QoS.LATCHED, QoS.RESULT])
 async def test_a_publisher_may_keep_none(buses: tuple[Bus, Bus]) -> None:
     here, there = buses
     async with there.publisher(KEY, QoS.STATUS, kept=0) as out:
@@ -71,6 +70,7 @@ async def test_a_publisher_may_keep_none(buses: tuple[Bus, Bus]) -> None:
             assert (await next_of(second)).payload == b"1"
 
 
+@pytest.mark.parametrize("qos", [QoS.LATCHED, QoS.RESULT])
 async def test_each_of_several_publishers_of_one_key_keeps_its_last(buses: tuple[Bus, Bus], qos: QoS) -> None:
     here, there = buses
     maps = {bytes([name]) * ONE_FRAME for name in b"ab"}
