@@ -68,8 +68,7 @@ class SessionThread:
 
     def __init__(self, settings: BusSettings, most_links: int, prefix: str = "") -> None:
         self._settings = settings
-        self._prefix = prefix
-        self._most_links = most_links
+        self._config = partial(session_config, settings, most_links, prefix=prefix)
         self._kept: dict[Declaration, None] = {}
         self._numbers = Numbers()
         self._session: zenoh.Session | None = None
@@ -213,12 +212,11 @@ class SessionThread:
 
     def _opened(self) -> zenoh.Session:
         self._files.use()
-        settings, access = self._settings, read_access(self._settings)
+        access = read_access(self._settings)
         self._links.begin(access)
-        config_of = partial(session_config, settings, self._most_links, access, prefix=self._prefix)
-        if settings.is_listening_client:
-            return open_listening_client(lambda first: config_of(first=first))
-        return zenoh.open(zenoh.Config.from_json5(json.dumps(config_of())))
+        if self._settings.is_listening_client:
+            return open_listening_client(lambda first: self._config(access=access, first=first))
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(self._config(access=access))))
 
     def _use(self, session: zenoh.Session) -> None:
         self._retry_at, self._refused = None, False

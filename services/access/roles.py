@@ -60,7 +60,12 @@ def of_robot(name: str) -> Permissions:
         sends=(f"fleet/{name}/**", f"workers/*/{name}-$*/status"),
         asks=(f"fleet/{name}/**",),
         hears=(f"fleet/{name}/**",),
-        shows=(f"fleet/{name}/**", f"fleet/{name}/@alive/*", f"workers/*/*/*/{name}/alive", f"workers/*/*/serves/{name}/*"),
+        shows=(
+            f"fleet/{name}/**",
+            f"fleet/{name}/@alive/*",
+            f"workers/*/*/*/{name}/alive",
+            f"workers/*/*/serves/{name}/*",
+        ),
         watches=(f"fleet/{name}/**", f"fleet/{name}/@alive/*", "workers/**"),
     )
 

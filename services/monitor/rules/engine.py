@@ -8,8 +8,8 @@ import msgspec
 from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change
-from services.monitor.rules import model
-from services.monitor.rules.findings import CameraState, Finding, findings, found_in, offline_text
+from services.monitor.rules import alert_texts, model
+from services.monitor.rules.findings import CameraState, Finding, findings, found_in
 from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, WorldRule
 from services.monitor.rules.subjects import (
     Effect,
@@ -151,7 +151,7 @@ class RuleEngine:
             if len(self._robots) < MAX_SUBJECTS:
                 self._robots[robot] = rules
         for rule in rules:
-            found = Finding("", None if alive is None else not alive, offline_text(robot))
+            found = Finding("", None if alive is None else not alive, alert_texts.offline(robot))
             self._find(rule, (robot, "", "", ""), found, now_ns)
 
     def world(self, rule: WorldRule, robot: str, found: Finding, now_ns: int) -> None:

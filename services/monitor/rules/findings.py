@@ -7,6 +7,7 @@ import msgspec
 
 from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import Change, ChangeKind
+from services.monitor.rules import alert_texts
 from services.monitor.rules.model import (
     AnyRule,
     AppearsRule,
@@ -18,41 +19,6 @@ from services.monitor.rules.model import (
     UnderRule,
     WorldRule,
 )
-
-
-def appeared_text(name: str, camera: CameraKey) -> str:
-    return f"{name} appeared in view of {camera}"
-
-
-def disappeared_text(name: str, camera: CameraKey) -> str:
-    return f"{name} disappeared from view of {camera}"
-
-
-def over_text(name: str, camera: CameraKey, count: int, limit: int) -> str:
-    return f"{count} {name} in view of {camera}, over {limit}"
-
-
-def under_text(name: str, camera: CameraKey, count: int, limit: int) -> str:
-    return f"{count} {name} in view of {camera}, under {limit}"
-
-
-def nearer_text(name: str, camera: CameraKey, distance_m: float, limit_m: float) -> str:
-    return f"{name} {distance_m:.2f} m from {camera}, nearer than {limit_m:g} m"
-
-
-def disagree_text(name: str, camera: CameraKey, counts: tuple[int, int]) -> str:
-    """Return the text for two models that disagree on one camera. counts: the count of each of them."""
-    return f"two models count {counts[0]} and {counts[1]} {name} in view of {camera}"
-
-
-def silent_text(camera: CameraKey) -> str:
-    """Return the text for a camera without class lists."""
-    return f"{camera} is silent"
-
-
-def offline_text(robot: str) -> str:
-    """Return the text for a robot whose gateway is gone."""
-    return f"{robot} is offline"
 
 
 class CameraState(msgspec.Struct, frozen=True, gc=False):
@@ -106,12 +72,12 @@ def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:
         case OverRule() if look.available:
             count = look.counts.get(rule.of, 0)
             over = count > rule.count
-            text = over_text(rule.of, look.key, count, rule.count) if over else ""
+            text = alert_texts.over(rule.of, look.key, count, rule.count) if over else ""
             yield Finding(rule.of, over if over or look.settled else None, text)
         case UnderRule() if look.available:
             count = look.counts.get(rule.of, 0)
             under = count < rule.count
-            text = under_text(rule.of, look.key, count, rule.count) if under else ""
+            text = alert_texts.under(rule.of, look.key, count, rule.count) if under else ""
             yield Finding(rule.of, under if look.settled or not under else None, text)
         case NearerRule() if look.available:
             yield _nearer(rule, look)
@@ -131,10 +97,10 @@ def found_in(change: Change, rule: AnyRule) -> Finding | None:
     match change.kind:
         case ChangeKind.APPEARED:
             appears = isinstance(rule, AppearsRule)
-            text = appeared_text(of.name, of.key)
+            text = alert_texts.appeared(of.name, of.key)
             return None if appears and change.first_look else Finding(of.name, appears, text)
         case ChangeKind.VANISHED:
-            return Finding(of.name, isinstance(rule, DisappearsRule), disappeared_text(of.name, of.key))
+            return Finding(of.name, isinstance(rule, DisappearsRule), alert_texts.disappeared(of.name, of.key))
         case ChangeKind.COUNTED | ChangeKind.LOST:
             return None
         case _:
@@ -146,7 +112,7 @@ def _silent(look: CameraState) -> Finding:
         return Finding("", holds=False)
     if look.silent_ns is None:
         return Finding("", holds=None)
-    return Finding("", holds=True, text=silent_text(look.key), since_ns=look.silent_ns)
+    return Finding("", holds=True, text=alert_texts.silent(look.key), since_ns=look.silent_ns)
 
 
 def _nearer(rule: NearerRule, look: CameraState) -> Finding:
@@ -157,7 +123,7 @@ def _nearer(rule: NearerRule, look: CameraState) -> Finding:
         return Finding(rule.of, holds=None)
     if nearest is None or nearest >= rule.than_m:
         return Finding(rule.of, holds=False)
-    text = nearer_text(rule.of, look.key, nearest, rule.than_m)
+    text = alert_texts.nearer(rule.of, look.key, nearest, rule.than_m)
     return Finding(rule.of, holds=True, text=text)
 
 
@@ -167,5 +133,5 @@ def _disagreements(rule: DisagreeRule, look: CameraState) -> Iterator[Finding]:
         if counts is None:
             yield Finding(name, holds=False if look.complete and look.settled else None)
         else:
-            text = disagree_text(name, look.key, counts)
+            text = alert_texts.disagree(name, look.key, counts)
             yield Finding(name, holds=True, text=text)

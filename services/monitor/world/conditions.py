@@ -10,6 +10,7 @@ from schemas.alerts import Alert
 from services.monitor.liveness import POSE_LIVE_NS, is_recent
 from services.monitor.map.pose import Pose
 from services.monitor.map.sites import Sites
+from services.monitor.rules import alert_texts
 from services.monitor.rules.findings import Finding
 from services.monitor.rules.model import (
     OF_OBJECTS,
@@ -188,11 +189,11 @@ class WorldConditions:
                 ids, verb = self._recent(rule, now_ns), "moved in"
             case MissingRule() if not _is_in(rule.object, rule, objects):
                 placed = objects.objects.get(rule.object)
-                where = "gone" if placed is None else f"at {placed.x:.1f}, {placed.y:.1f} m"
-                return {rule.object: f"{rule.of} {rule.object} is missing from {_place(rule)}: it is {where}"}
+                now_at = None if placed is None else (placed.x, placed.y)
+                return {rule.object: alert_texts.missing(rule.of, rule.object, _place(rule), now_at)}
             case _:
                 return {}
-        return {each: f"{rule.of} {each} {verb} {_place(rule)}" for each in reversed(ids)}
+        return {each: alert_texts.passed(rule.of, each, _place(rule), verb) for each in reversed(ids)}
 
     def _recent(self, rule: LeavesRule | MovedRule, now_ns: int) -> list[str]:
         """Return the objects of a rule that are not older than its `within_s`, nor from a later time."""
@@ -211,8 +212,7 @@ class WorldConditions:
             seen.add(robot)
             near = objects.near(rule.of, pose.x, pose.y, rule.than_m)
             texts = {
-                each: f"{rule.of} {each} is {distance_m:.2f} m from {robot}, nearer than {rule.than_m:g} m"
-                for distance_m, each in near
+                each: alert_texts.near_robot(rule.of, each, robot, distance_m, rule.than_m) for distance_m, each in near
             }
             yield from self._of_objects(rule, robot, texts)
         yield from self._unknown(rule, seen)
@@ -223,7 +223,7 @@ def _unseen(rule: UnseenRule, objects: SiteObjects, now_ns: int) -> Finding:
     if floor is None or not is_recent(floor.at_ns, now_ns, FLOOR_FRESH_NS):
         return Finding("", holds=None)
     share = floor.share_seen(rule.than_s, now_ns)
-    text = f"{share:.0%} of {_place(rule)} was looked at during the last {rule.than_s:g} s"
+    text = alert_texts.unseen(_place(rule), share, rule.than_s)
     return Finding("", holds=share < LEAST_SHARE, text=text)
 
 
@@ -232,7 +232,7 @@ def _count_text(rule: ZoneOverRule | ZoneUnderRule, objects: SiteObjects) -> str
     count = objects.count(rule.zone).get(rule.of, 0)
     over = isinstance(rule, ZoneOverRule)
     holds = count > rule.count if over else count < rule.count
-    return f"{count} {rule.of} in {_place(rule)}, {'over' if over else 'under'} {rule.count}" if holds else ""
+    return alert_texts.count_in_place(rule.of, _place(rule), count, rule.count, over=over) if holds else ""
 
 
 def _is_in(object_id: str, rule: ZoneRule, objects: SiteObjects) -> bool:
@@ -251,8 +251,7 @@ def _has_zone(rule: WorldRule, objects: SiteObjects) -> bool:
 
 
 def _place(rule: WorldRule) -> str:
-    zone = getattr(rule, "zone", "")
-    return f"{rule.site}/{zone}" if zone else rule.site
+    return alert_texts.place(rule.site, getattr(rule, "zone", ""))
 
 
 def remarks_on_zones(rules: Iterable[WorldRule], world: World) -> Iterator[str]:
