@@ -28,6 +28,8 @@ from services.monitor.settings import MonitorSettings
 from services.monitor.snapshot import FleetView, Snapshot, SnapshotMaker, Workers, known_until_ns
 from services.monitor.warehouses.centre_link import CentreLink
 from services.monitor.world.conditions import remarks_on_zones
+from services.monitor.world.site_objects import World
+from services.monitor.world.zone_file import ZoneFile
 
 log = logging.getLogger(__name__)
 
@@ -63,9 +65,10 @@ class RobotThereError(Exception):
 
 @dataclass(slots=True, eq=False)
 class Monitor:
-    """Everything in a running monitor. floor_plan: the map's background. started_ns: its start, epoch.
+    """Everything in a running monitor.
 
-    centre: its link to the monitor above it, if it has one.
+    floor_plan: the map's background. zones: the file of them. started_ns: its start, epoch. centre: its link to the
+    monitor above it, if it has one.
 
     What is made of the whole fleet (`snapshot`, `inventory`) is made at most every MAX_AGE_S for all callers.
     """
@@ -79,6 +82,7 @@ class Monitor:
     archive: Archive
     health: Health
     floor_plan: FloorPlan | None = None
+    zones: ZoneFile = field(default_factory=lambda: ZoneFile(None, World(on=False)))
     centre: CentreLink = field(default_factory=CentreLink)
     started_ns: int = field(default_factory=time.time_ns)
     _workers: tuple[float, Workers] | None = field(default=None, init=False, repr=False)
@@ -180,6 +184,7 @@ class Monitor:
             not_kept,
             *status.warnings,
             self.rules.problem,
+            self.zones.problem,
             self.bus.links.problem,
             *self.bus.links.wrong,
             self.open_to_all,

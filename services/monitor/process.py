@@ -44,7 +44,7 @@ from services.monitor.web.process import Web
 from services.monitor.world.conditions import WorldConditions
 from services.monitor.world.following import follow_world
 from services.monitor.world.site_objects import World
-from services.monitor.world.zones import load_zones
+from services.monitor.world.zone_file import ZoneFile
 
 log = logging.getLogger(__name__)
 
@@ -111,8 +111,9 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     rules = RuleFile(settings.rules)
     await rules.load()
     plan = None if settings.floor_plan is None else await asyncio.to_thread(load_floor_plan, settings.floor_plan)
-    zones = () if settings.zones is None else await asyncio.to_thread(load_zones, settings.zones)
-    fleet.world = World(zones, on=settings.follows_world)
+    fleet.world = World(on=settings.follows_world)
+    zones = ZoneFile(settings.zones, fleet.world)
+    await zones.load()
     health = Health(bus, hub=not settings.has_one_link, settings=settings)
     heartbeat = Heartbeat(health.heard_s, settings.lease_s)
     conditions = WorldConditions(fleet.world, fleet.sites, fleet.places.poses)
@@ -122,7 +123,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     history = HistoryKeeper(
         settings, fleet.inventory, alerting.lead, fleet.places, alerting, world=(fleet.world, fleet.sites)
     )
-    monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan)
+    monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan, zones)
 
     def told(changes: Sequence[Change]) -> None:
         if changes:
@@ -136,6 +137,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
             group.create_task(alerting.run(bus, keep=history.alert, leads=lambda: history.status.leads)),
             group.create_task(watch_fleet(bus, fleet, told, alerting.measured, monitor.problems)),
             group.create_task(health.run()),
+            group.create_task(zones.watch()),
         ]
         if settings.centre:
             tasks.append(group.create_task(report_to_centre(monitor.centre, monitor)))

@@ -5,14 +5,13 @@ import logging
 from pathlib import Path
 from typing import Final
 
+from services.monitor.file_version import FileVersion
 from services.monitor.rules.loading import RuleFileError, load_rules, reading, text_of
 from services.monitor.rules.model import RuleBook
 
 log = logging.getLogger(__name__)
 
 LOOK_S: Final = 0.5
-
-_Stamp = tuple[int, int, int]
 
 
 class RuleFile:
@@ -22,8 +21,7 @@ class RuleFile:
         self.book = RuleBook()
         self.problem = ""
         self._path = path
-        self._seen: _Stamp | None = None
-        self._stamp: _Stamp | None = None
+        self._version = FileVersion()
 
     async def load(self) -> None:
         """Read the file for the first time.
@@ -57,16 +55,13 @@ class RuleFile:
     def _read(self, path: Path, *, settled: bool) -> None:
         try:
             with reading():
-                found = path.stat()
-            stamp = (found.st_mtime_ns, found.st_size, found.st_ino)
-            before, self._seen = self._seen, stamp
-            if stamp == self._stamp or (settled and stamp != before):
+                is_new = self._version.is_new(path, settled=settled)
+            if not is_new:
                 return
             text = text_of(path)
         except RuleFileError:
-            self._seen = self._stamp = None
+            self._version.forget()
             raise
-        self._stamp = stamp
         self.book = load_rules(text)
         self.problem = ""
         log.info("%s: %d rules are in force", path, len(self.book.rules))

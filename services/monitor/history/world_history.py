@@ -1,6 +1,6 @@
 """What became of a site's objects, and how many there were over time, as intervals of the history. Pure."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Final, Self
 
 from msgspec.structs import replace
@@ -105,9 +105,16 @@ class WorldHistory:
             version = site.version if current else -1
             if self._versions.get(name, -1) != version:
                 self._versions[name] = version
+                self._end_gone(name, {SITE, *(each.name for each in site.zones)}, at_ns)
                 for zone in (SITE, *(each.name for each in site.zones)):
                     self._note((name, zone), _levels(site.count(zone)) if current else {}, at_ns)
                     yield
+
+    def _end_gone(self, site: str, zones: Collection[str], at_ns: int) -> None:
+        """End the levels of zones that are no more."""
+        for place in [each for each in self._levels if each[0] == site and each[1] not in zones]:
+            self._note(place, {}, at_ns)
+            del self._levels[place]
 
     def _note(self, place: tuple[str, str], levels: dict[str, int], now_ns: int) -> None:
         before = self._levels.get(place, {})

@@ -81,6 +81,10 @@ class _Scale:
         across = WIDTH / 2 + (x - self.centre[0]) * self.per_m
         return round(across, 1), round(HEIGHT / 2 - (y - self.centre[1]) * self.per_m, 1)
 
+    def back(self, across: float, down: float) -> tuple[float, float]:
+        x = self.centre[0] + (across - WIDTH / 2) / self.per_m
+        return round(x, 2), round(self.centre[1] - (down - HEIGHT / 2) / self.per_m, 2)
+
 
 def colour_of(name: str) -> str:
     """Return the colour of a class, the same everywhere."""
@@ -121,6 +125,20 @@ def svg_of(bounds: Bounds, marks: Sequence[MapObject], robots: Sequence[DrawnRob
         *(_robot(robot, scale, now_ns) for robot in robots if _is_near(robot.pose.x, robot.pose.y)),
     ]
     return _svg("fleet-over", "robots and sightings", drawn)
+
+
+def draft_of(bounds: Bounds, corners: Sequence[tuple[float, float]]) -> str:
+    """Return a zone that is being drawn, above all else."""
+    scale = _Scale.of(bounds)
+    points = [scale.at(x, y) for x, y in corners if _is_near(x, y)]
+    line = " ".join(f"{across},{down}" for across, down in points)
+    dots = (f'<circle cx="{across}" cy="{down}" r="6"/>' for across, down in points)
+    return _svg("fleet-draft", "the zone that is being drawn", [f'<polygon points="{line}"/>', *dots])
+
+
+def metres_at(bounds: Bounds, across: float, down: float) -> tuple[float, float]:
+    """Return what place of the map a point of the picture shows, in metres, rounded to centimetres."""
+    return _Scale.of(bounds).back(across, down)
 
 
 def _svg(name: str, label: str, drawn: Iterable[str]) -> str:

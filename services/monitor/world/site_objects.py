@@ -86,7 +86,7 @@ class SiteObjects:
     """
 
     def __init__(self, zones: Iterable[Zone], *, most: int = MAX_SITE_OBJECTS) -> None:
-        self.zones = tuple(zones)
+        self.zones: tuple[Zone, ...] = ()
         self.objects: dict[str, PlacedObject] = {}
         self.is_full = False
         self.is_behind = True
@@ -96,13 +96,26 @@ class SiteObjects:
         self.floor_wanted: frozenset[str] = frozenset()
         self.floor: dict[str, ZoneFloor] = {}
         self._cells: dict[tuple[str, int, int], dict[str, tuple[float, float]]] = {}
-        self._finder = ZoneFinder(self.zones)
+        self._finder = ZoneFinder(())
         self._most = most
-        self._counts: dict[str, Counter[str]] = {SITE: Counter(), **{zone.name: Counter() for zone in self.zones}}
+        self._counts: dict[str, Counter[str]] = {SITE: Counter()}
         self._epoch = ""
         self._last = 0
         self._told_last = 0
         self._waiting: deque[WorldChanges] = deque(maxlen=MAX_BUFFERED)
+        self.set_zones(zones)
+
+    def set_zones(self, zones: Iterable[Zone]) -> None:
+        """Have these zones from now on. An object that is in one now did not enter it, nor leave one that is gone."""
+        self.zones = tuple(zones)
+        self.floor = {}
+        self._finder = ZoneFinder(self.zones)
+        self._counts = {SITE: self._counts[SITE], **{zone.name: Counter() for zone in self.zones}}
+        for object_id, each in self.objects.items():
+            placed = self.objects[object_id] = PlacedObject(each.of, self._finder.at(each.x, each.y))
+            for zone in placed.zones:
+                self._counts[zone][placed.name] += 1
+        self.version += 1
 
     def count(self, zone: str) -> Counter[str]:
         """Return how many objects of each class are in a zone, or in SITE; 0 for classes of which all have left."""
@@ -238,11 +251,19 @@ class World:
 
     def __init__(self, zones: Sequence[Zone] = (), *, on: bool = True) -> None:
         self.on = on
+        self.sites: dict[str, SiteObjects] = {}
+        self._left_out = ""
+        self.set_zones(zones)
+
+    def set_zones(self, zones: Iterable[Zone]) -> None:
+        """Have these zones from now on."""
         by_site: defaultdict[str, list[Zone]] = defaultdict(list)
         for zone in zones:
             by_site[zone.site].append(zone)
-        self.sites: dict[str, SiteObjects] = {site: SiteObjects(of) for site, of in sorted(by_site.items())}
-        self._left_out = ""
+        for name in sorted(by_site.keys() | self.sites.keys()):
+            site = self.sites.setdefault(name, SiteObjects(()))
+            if site.zones != tuple(by_site[name]):
+                site.set_zones(by_site[name])
 
     def zones(self, sites: Sites, now_ns: int) -> Iterator[ZoneCount]:
         """Yield each zone with its objects, by site, in the order of the file. sites: whose models are there."""

@@ -112,6 +112,32 @@ def parse_zones(text: str) -> tuple[Zone, ...]:
         raise ZoneFileError(f"line {line_of(root, place)}: {_reason(place, content, mistake)}") from error
 
 
+def check_zones(zones: Sequence[Zone]) -> tuple[Zone, ...]:
+    """Return the zones if a file may hold them together.
+
+    Raises:
+        ZoneFileError: two of a site have one name, or there are too many.
+    """
+    try:
+        return _ZoneFile(zones=tuple(zones)).zones
+    except ValidationError as error:
+        raise ZoneFileError(_reason([], None, error.errors(include_url=False)[0]).removeprefix("the file: ")) from error
+
+
+def zone_of(name: str, site: str, corners: Sequence[Corner]) -> Zone:
+    """Return the zone.
+
+    Raises:
+        ZoneFileError: there may be no such zone; the message says why.
+    """
+    try:
+        return Zone(name=name, site=site, corners=tuple(corners))
+    except ValidationError as error:
+        mistake = error.errors(include_url=False)[0]
+        said = _WORDS.get(mistake["type"], mistake["msg"].removeprefix("Value error, "))
+        raise ZoneFileError(f"{mistake['loc'][0]}: {said}") from error
+
+
 _WORDS: Final = {
     "missing": "is missing",
     "tuple_type": "write it as a list, like [[0, 0], [4, 0], [4, 3]]",

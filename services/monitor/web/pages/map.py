@@ -2,33 +2,39 @@
 
 import asyncio
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from html import escape
 from typing import Final
 
-from nicegui import ui
+from nicegui import events, ui
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
 
-from schemas.world import SiteStatus
 from services.monitor.formats import natural
 from services.monitor.join_address import endpoint_to_join
 from services.monitor.live_views.newest import LiveViews
 from services.monitor.live_views.robot_poses import MOST_ROBOTS, HeldRobots
-from services.monitor.map.drawing import MOST_SHOWN, STALE, Bounds, colour_of, ground_of, is_fresh, svg_of
+from services.monitor.map.drawing import (
+    MOST_SHOWN,
+    Bounds,
+    draft_of,
+    ground_of,
+    metres_at,
+    svg_of,
+)
 from services.monitor.map.floor_plan import FloorPlan
-from services.monitor.map.footprints import AGES_S, DrawnObject, address_of, footprint, newest_of
+from services.monitor.map.footprints import DrawnObject, footprint, newest_of
 from services.monitor.map.last_seen import LastPoses, MapObject
 from services.monitor.map.pose import DrawnRobot, Pose, Whereabouts
-from services.monitor.map.sites import totals
 from services.monitor.monitor import Monitor
+from services.monitor.web.auth.users import Visitor
 from services.monitor.web.pages.components import MAP, still
 from services.monitor.web.pages.frame import nothing_yet, page_at, page_frame
 from services.monitor.web.pages.live_table import Choices
 from services.monitor.web.pages.picture_frame import VIEW_STYLE, PageVisibility
-from services.monitor.web.pages.rows.formatting import NS, ago, plural, seen_lately
+from services.monitor.web.pages.rows.formatting import NS, plural
+from services.monitor.web.pages.rows.map import in_words, keys, object_keys, object_row, rest_row, row, zone_in_words
+from services.monitor.web.pages.zone_editor import ZoneEditor
 from services.monitor.world.shown_site import ShownSite, shown_site, site_names
 from services.monitor.world.site_objects import SITE, ZoneCount
 
@@ -60,15 +66,22 @@ AGING_S: Final = 10
 MOST_LISTED: Final = 100
 ROBOT_ICON: Final = "navigation"
 
+TELL_WHERE: Final = """(event) => {
+  const svg = event.currentTarget.querySelector('svg');
+  const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+  emit(at.x, at.y);
+}"""
+"""Tells where on the map somebody clicked, in the picture's own units."""
+
 
 def add_map(monitor: Monitor, views: LiveViews) -> None:
     """Add the page."""
 
     @page_at(MAP.path)
     async def map_page() -> None:
-        async with page_frame(monitor, "Map", MAP):
+        async with page_frame(monitor, "Map", MAP) as visitor:
             ui.add_css(VIEW_STYLE)
-            shown = _Map(monitor, views.last_poses)
+            shown = _Map(monitor, views.last_poses, visitor)
             visibility = PageVisibility()
         while await visibility.begins():
             async with HeldRobots(views.robots) as held:
@@ -85,7 +98,7 @@ class _Map:
     nothing.
     """
 
-    def __init__(self, monitor: Monitor, last_poses: LastPoses) -> None:
+    def __init__(self, monitor: Monitor, last_poses: LastPoses, visitor: Visitor) -> None:
         self._monitor = monitor
         self._last_poses = last_poses
         plan = monitor.floor_plan
@@ -102,6 +115,7 @@ class _Map:
         self._known: set[str] = set()
         choices = Choices()
         self._chosen = choices["object"]
+        self._editor: ZoneEditor | None = None
         with ui.element("div").classes("fs-view"):
             with ui.element("section").classes("fs-panel"):
                 with ui.element("div").classes("fs-panel-head"):
@@ -117,6 +131,8 @@ class _Map:
                 with ui.element("div").classes("fs-map") as self._picture:
                     self._ground = still("")
                     self._over = still("").classes("fs-over")
+                    self._draft = still("").classes("fs-over")
+                self._picture.on("click", self._click, js_handler=TELL_WHERE)
                 self._empty = nothing_yet(
                     ROBOT_ICON,
                     "No position is known yet",
@@ -124,11 +140,14 @@ class _Map:
                     "Objects appear once a distance service measures where they are:",
                     command=f"fleetsight distance --connect {self._join}",
                 )
-            with ui.element("section").classes("fs-panel"):
-                with ui.element("div").classes("fs-panel-head"):
-                    _title("Last seen")
-                self._list = still("").classes("fs-scroll").props('tabindex=0 role=region aria-label="Last seen"')
-                self._missing = ui.label().classes("fs-line fs-muted")
+            with ui.element("div").classes("fs-column"):
+                if monitor.fleet.world.on:
+                    self._editor = ZoneEditor(monitor.zones, visitor, self._draw_draft)
+                with ui.element("section").classes("fs-panel"):
+                    with ui.element("div").classes("fs-panel-head"):
+                        _title("Last seen")
+                    self._list = still("").classes("fs-scroll").props('tabindex=0 role=region aria-label="Last seen"')
+                    self._missing = ui.label().classes("fs-line fs-muted")
 
     def robots(self) -> list[str]:
         """Return the robots to follow: the chosen one, or as many of those online as the limit allows."""
@@ -150,6 +169,16 @@ class _Map:
     def _forget_bounds(self) -> None:
         self._bounds = None
 
+    def _click(self, event: events.GenericEventArguments) -> None:
+        if self._editor is not None and self._editor.is_drawing and self._bounds is not None:
+            self._editor.add(metres_at(self._bounds, *map(float, event.args)))
+
+    def _draw_draft(self) -> None:
+        drawing = self._editor is not None and self._editor.is_drawing and self._bounds is not None
+        self._picture.classes(add="fs-drawing" if drawing else "", remove="" if drawing else "fs-drawing")
+        corners = [] if self._editor is None or not drawing else self._editor.corners
+        self._draft.set_content(draft_of(self._bounds, corners) if corners and self._bounds is not None else "")
+
     async def refresh(self, whereabouts: Mapping[str, Whereabouts], crowded: str) -> None:
         """Draw the current state."""
         now_ns, fleet = time.time_ns(), self._monitor.fleet
@@ -170,6 +199,9 @@ class _Map:
         if self._bounds is not None:
             await self._draw_ground(self._bounds, zones)
             self._over.set_content(svg_of(self._bounds, marks, robots, now_ns))
+        if self._editor is not None:
+            self._editor.refresh(self._shown.name)
+            self._draw_draft()
         self._explain(marks, now_ns)
         self._notice.set_text(self._shown.notice)
         self._notice.set_visibility(bool(self._shown.notice))
@@ -258,68 +290,6 @@ def _but_version(made: tuple[object, ...]) -> tuple[object, ...]:
     return made[:1] + made[2:]
 
 
-def rest_row(more: int) -> str:
-    """Return the last line of a list of which more is not shown, as HTML."""
-    return f'<div class="fs-line fs-muted">and {plural(more, "more", "more")}</div>' if more > 0 else ""
-
-
-def object_keys(objects: Sequence[DrawnObject]) -> str:
-    """Return the legend of a world model's objects as HTML, with how many are drawn of each class."""
-    counts = Counter(each.of.name for each in objects)
-    return "".join(
-        f"<span>{_dot(colour_of(name))}<span>{count} {escape(name)}</span></span>"
-        for name, count in sorted(counts.items())
-    )
-
-
-def object_row(each: DrawnObject, now_ns: int) -> str:
-    """Return an object as HTML for the list: a link to its page."""
-    of = each.of
-    long = each.age == len(AGES_S)
-    return (
-        f'<a class="fs-row {"fs-stale" if long else ""}" href="{address_of(of)}" data-object="{escape(of.id)}">'
-        f"{_dot(colour_of(of.name) if each.age < len(AGES_S) else STALE)}<div>{escape(f'{of.name} {of.id}')}</div>"
-        f'<div class="fs-far">{seen_lately(of.last_ns, now_ns)}</div>'
-        f'<div class="fs-more">at {of.at[0]:.1f}, {of.at[1]:.1f} m</div></a>'
-    )
-
-
-def in_words(status: SiteStatus) -> str:
-    """Return what a world model says of a site, each object counted once."""
-    problems = f" ({'; '.join(status.problems)})" if status.problems else ""
-    return f"In {status.site}: {totals(status.objects)}{problems}"
-
-
-def zone_in_words(counted: ZoneCount) -> str:
-    """Return what is in a zone, or why that is not known."""
-    zone = counted.zone
-    known = totals(counted.objects) if counted.current else f"not known, as no world model tells of site {zone.site}"
-    return f"Zone {zone.name}: {known}"
-
-
 def _title(text: str) -> None:
     with ui.element("h2"):
         ui.label(text)
-
-
-def keys(marks: Sequence[MapObject], now_ns: int) -> str:
-    """Return the legend as HTML, with the number of recently seen objects of each class."""
-    counts = Counter(mark.name for mark in marks if is_fresh(mark, now_ns))
-    told = [(colour_of(name), f"{counts[name]} {name}") for name in sorted({mark.name for mark in marks})]
-    if stale := sum(not is_fresh(mark, now_ns) for mark in marks):
-        told.append((STALE, f"{stale} not seen for a while"))
-    return "".join(f"<span>{_dot(colour)}<span>{escape(text)}</span></span>" for colour, text in told)
-
-
-def row(mark: MapObject, now_ns: int) -> str:
-    """Return a mark as HTML for the list, which is one element."""
-    fresh = is_fresh(mark, now_ns)
-    return (
-        f'<div class="fs-row {"" if fresh else "fs-stale"}">{_dot(colour_of(mark.name) if fresh else STALE)}'
-        f'<div>{escape(mark.name)}</div><div class="fs-far">{ago(mark.seen_ns, now_ns)}</div>'
-        f'<div class="fs-more">at {mark.x:.1f}, {mark.y:.1f} m, by {escape(f"{mark.robot}/{mark.camera}")}</div></div>'
-    )
-
-
-def _dot(colour: str) -> str:
-    return f'<span class="fs-key" style="background: {colour}"></span>'

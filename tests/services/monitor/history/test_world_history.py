@@ -126,6 +126,20 @@ def test_an_object_that_moves_on_has_one_row_from_where_it_began_to_where_it_is(
     assert [(each.kind, each.from_x) for each in hall.events()] == [(GONE, None), (BACK, None), (MOVED, 6)]
 
 
+def test_the_stock_of_a_zone_that_is_removed_ends_and_that_of_a_new_one_begins(hall: Hall) -> None:
+    hall.tell(APPEARED, "a", 1)
+    hall.note(0)
+    hall.levels()
+    hall.world.set_zones([DOCK.model_copy(update={"name": "quay"})])
+    hall.note(5)
+    assert hall.levels() == {
+        ("dock", ALL_CLASSES): [(1, 0, 5, False)],
+        ("dock", "box"): [(1, 0, 5, False)],
+        ("quay", ALL_CLASSES): [(1, 5, 5, True)],
+        ("quay", "box"): [(1, 5, 5, True)],
+    }
+
+
 def test_stock_is_entered_on_change_alone(hall: Hall) -> None:
     hall.note(0)
     assert hall.levels() == {(SITE, ALL_CLASSES): [(0, 0, 0, True)], ("dock", ALL_CLASSES): [(0, 0, 0, True)]}

@@ -29,6 +29,7 @@ from services.monitor.web.auth.users import Kind, Login, Role, User, digest_of, 
 from services.monitor.web.process import open_listener, url_of
 from services.monitor.web.server import serve
 from services.monitor.world.site_objects import World
+from services.monitor.world.zone_file import ZoneFile
 from tests.services.monitor.alerting.hearing import hears
 
 PASSWORD: Final = "correct horse battery"  # noqa: S105 - nobody's
@@ -59,10 +60,10 @@ def monitor_on(bus: Bus, *, plan: FloorPlan | None = None, **given: Any) -> Moni
     settings = MonitorSettings(**{"history": "none", "web_port": 0, **given})
     fleet = Fleet("clock")
     fleet.world = World(on=settings.follows_world)
-    rules = RuleFile(settings.rules)
+    rules, zones = RuleFile(settings.rules), ZoneFile(settings.zones, fleet.world)
     alerting = Alerting(rules, fleet.inventory, hears(), settle_s=0)
     history = HistoryKeeper(settings, fleet.inventory, alerting.lead, world=(fleet.world, fleet.sites))
-    return Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus), plan)
+    return Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus), plan, zones)
 
 
 @asynccontextmanager

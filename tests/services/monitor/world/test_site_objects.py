@@ -195,3 +195,24 @@ def test_zones_are_current_while_their_world_model_is_there_and_all_is_known() -
         (False, {}),
     ]
     assert not any(each.current for each in world.zones(sites, 11 + FRESH_NS))
+
+
+def test_zones_that_change_have_what_is_in_them_and_nothing_entered_or_left() -> None:
+    world = World([DOCK])
+    hall = world.sites["hall"]
+    hall.replace("e", 0, [thing("a", 1), thing("b", 7), thing("p", 7.5, name="pallet")])
+    version = hall.version
+    world.set_zones([RACK, DOCK.model_copy(update={"site": "yard"})])
+    assert world.sites["hall"] is hall, "who follows it goes on"
+    assert [zone.name for zone in hall.zones] == ["rack"]
+    assert (hall.count("rack"), hall.count(SITE)) == ({"box": 1, "pallet": 1}, {"box": 2, "pallet": 1})
+    assert hall.objects["a"].zones == ()
+    assert hall.version > version
+    assert not hall.transitions
+    assert world.sites["yard"].is_behind
+    hall.take(changes(1, change(GONE, thing("b", 7))))
+    assert hall.count("rack") == {"box": 0, "pallet": 1}
+    version = hall.version
+    world.set_zones([RACK])
+    assert hall.version == version, "these zones are as before"
+    assert world.sites["yard"].zones == ()

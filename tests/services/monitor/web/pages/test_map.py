@@ -9,7 +9,8 @@ from services.monitor.liveness import OBJECT_FRESH_NS
 from services.monitor.map.drawing import STALE, colour_of
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import MapObject
-from services.monitor.web.pages.map import floor_plan_route, keys, row, url_of, zone_in_words
+from services.monitor.web.pages.map import floor_plan_route, url_of
+from services.monitor.web.pages.rows.map import keys, row, zone_in_words
 from services.monitor.world.site_objects import ZoneCount
 from services.monitor.world.zones import Zone
 

@@ -1,0 +1,75 @@
+"""The legend and the list beside the map, as HTML in which names are escaped. Pure."""
+
+from collections import Counter
+from collections.abc import Sequence
+from html import escape
+
+from schemas.world import SiteStatus
+from services.monitor.map.drawing import STALE, colour_of, is_fresh
+from services.monitor.map.footprints import AGES_S, DrawnObject, address_of
+from services.monitor.map.last_seen import MapObject
+from services.monitor.map.sites import totals
+from services.monitor.web.pages.rows.formatting import ago, plural, seen_lately
+from services.monitor.world.site_objects import ZoneCount
+
+
+def rest_row(more: int) -> str:
+    """Return the last line of a list of which more is not shown, as HTML."""
+    return f'<div class="fs-line fs-muted">and {plural(more, "more", "more")}</div>' if more > 0 else ""
+
+
+def object_keys(objects: Sequence[DrawnObject]) -> str:
+    """Return the legend of a world model's objects as HTML, with how many are drawn of each class."""
+    counts = Counter(each.of.name for each in objects)
+    return "".join(
+        f"<span>{_dot(colour_of(name))}<span>{count} {escape(name)}</span></span>"
+        for name, count in sorted(counts.items())
+    )
+
+
+def object_row(each: DrawnObject, now_ns: int) -> str:
+    """Return an object as HTML for the list: a link to its page."""
+    of = each.of
+    long = each.age == len(AGES_S)
+    return (
+        f'<a class="fs-row {"fs-stale" if long else ""}" href="{address_of(of)}" data-object="{escape(of.id)}">'
+        f"{_dot(colour_of(of.name) if each.age < len(AGES_S) else STALE)}<div>{escape(f'{of.name} {of.id}')}</div>"
+        f'<div class="fs-far">{seen_lately(of.last_ns, now_ns)}</div>'
+        f'<div class="fs-more">at {of.at[0]:.1f}, {of.at[1]:.1f} m</div></a>'
+    )
+
+
+def in_words(status: SiteStatus) -> str:
+    """Return what a world model says of a site, each object counted once."""
+    problems = f" ({'; '.join(status.problems)})" if status.problems else ""
+    return f"In {status.site}: {totals(status.objects)}{problems}"
+
+
+def zone_in_words(counted: ZoneCount) -> str:
+    """Return what is in a zone, or why that is not known."""
+    zone = counted.zone
+    known = totals(counted.objects) if counted.current else f"not known, as no world model tells of site {zone.site}"
+    return f"Zone {zone.name}: {known}"
+
+
+def keys(marks: Sequence[MapObject], now_ns: int) -> str:
+    """Return the legend as HTML, with the number of recently seen objects of each class."""
+    counts = Counter(mark.name for mark in marks if is_fresh(mark, now_ns))
+    told = [(colour_of(name), f"{counts[name]} {name}") for name in sorted({mark.name for mark in marks})]
+    if stale := sum(not is_fresh(mark, now_ns) for mark in marks):
+        told.append((STALE, f"{stale} not seen for a while"))
+    return "".join(f"<span>{_dot(colour)}<span>{escape(text)}</span></span>" for colour, text in told)
+
+
+def row(mark: MapObject, now_ns: int) -> str:
+    """Return a mark as HTML for the list, which is one element."""
+    fresh = is_fresh(mark, now_ns)
+    return (
+        f'<div class="fs-row {"" if fresh else "fs-stale"}">{_dot(colour_of(mark.name) if fresh else STALE)}'
+        f'<div>{escape(mark.name)}</div><div class="fs-far">{ago(mark.seen_ns, now_ns)}</div>'
+        f'<div class="fs-more">at {mark.x:.1f}, {mark.y:.1f} m, by {escape(f"{mark.robot}/{mark.camera}")}</div></div>'
+    )
+
+
+def _dot(colour: str) -> str:
+    return f'<span class="fs-key" style="background: {colour}"></span>'
