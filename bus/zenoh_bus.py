@@ -15,9 +15,8 @@ from bus.demand import Demand
 from bus.errors import BusClosedError
 from bus.history.keeping import CacheServer
 from bus.keys import key_expression, single_key
-from bus.presence.listed_tokens import ListedTokens
-from bus.presence.own_tokens import OwnTokens
-from bus.presence.watching import ZenohToken, ZenohWatch
+from bus.presence.listed_tokens import ListedTokens, ZenohWatch
+from bus.presence.own_tokens import OwnTokens, ZenohToken
 from bus.requests.pending_request import PendingRequest, Unanswered
 from bus.requests.serving import check_free
 from bus.session.declaration import Declaration

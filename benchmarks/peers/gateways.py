@@ -21,9 +21,8 @@ from bus import QUEUE, BusSettings, QoS, Reply, Request
 from bus.delivery.subscription import ZenohSubscription
 from bus.demand import Demand
 from bus.history.keeping import CacheServer
-from bus.presence.listed_tokens import ListedTokens
-from bus.presence.own_tokens import OwnTokens
-from bus.presence.watching import ZenohToken, ZenohWatch
+from bus.presence.listed_tokens import ListedTokens, ZenohWatch
+from bus.presence.own_tokens import OwnTokens, ZenohToken
 from bus.session.config import session_config
 from bus.session.declaration import Declaration
 from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer

@@ -89,3 +89,27 @@ class OwnTokens:
         self._lists = {key: token for key, token in self._lists.items() if key in wanted}
         for token in gone:
             token.undeclare()
+
+
+class ZenohToken:
+    """A presence token."""
+
+    number_of = ""
+    takes_another = False
+
+    def __init__(self, key: str, tokens: OwnTokens) -> None:
+        self._key = key
+        self._tokens = tokens
+        self._withdraw: Callable[[], None] | None = None
+
+    def declare(self, _: zenoh.Session) -> None:
+        """Declare on the session's thread."""
+        self._withdraw = self._tokens.show(self._key)
+
+    def undeclare(self) -> None:
+        """Undeclare."""
+        if self._withdraw is not None:
+            self._withdraw()
+
+    def end(self) -> None:
+        """Do nothing: a presence has no reader."""

@@ -11,8 +11,7 @@ import zenoh
 
 from bus import QUEUE, Bus, Presence, Publisher, QoS, open_bus
 from bus.history import caches
-from bus.presence.listed_tokens import ListedTokens
-from bus.presence.watching import ZenohWatch
+from bus.presence.listed_tokens import ListedTokens, ZenohWatch
 from bus.session.config import session_config
 from tests.bus.sessions import LEASE_S, ROUTER, Numbering, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
