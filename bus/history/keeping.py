@@ -117,19 +117,22 @@ class CacheServer:
         self._submit(partial(self._reply, own, query))
 
     def _reply(self, own: zenoh.KeyExpr, query: zenoh.Query) -> None:
-        """Reply with what is asked for of one queryable; the query is finished when it is dropped."""
+        """Reply with what is asked for of one queryable, and finish the query."""
+        try:
+            with panics_are_errors():
+                self._reply_all(own, query)
+        except Exception as error:  # noqa: BLE001 - whoever asks, the others are answered
+            _log.debug("a query for %s was not answered: %s", query.key_expr, error)
+        finally:
+            query.drop()
+
+    def _reply_all(self, own: zenoh.KeyExpr, query: zenoh.Query) -> None:
         asked = query.key_expr
         numbers, most = _numbers(query.parameters.get("_sn")), _most(query.parameters.get("_max"))
         for cache, kept in list(self._kept.items()):
-            if not (own.intersects(cache) and asked.intersects(cache)):
-                continue
-            for payload, attachment in kept.of(numbers, most):
-                try:
-                    with panics_are_errors():
-                        query.reply(kept.key, payload, encoding=kept.encoding, attachment=attachment)
-                except Exception as error:  # noqa: BLE001 - whoever asks, the others are answered
-                    _log.debug("a query for %s was not answered: %s", asked, error)
-                    return
+            if own.intersects(cache) and asked.intersects(cache):
+                for payload, attachment in kept.of(numbers, most):
+                    query.reply(kept.key, payload, encoding=kept.encoding, attachment=attachment)
 
 
 def _numbers(text: str | None) -> tuple[int, int | None]:

@@ -45,8 +45,9 @@ def serving(request: pytest.FixtureRequest, session: zenoh.Session) -> Iterator[
 
 
 def numbers(session: zenoh.Session, selector: str) -> list[int]:
+    """Return the numbers of what is answered, once all have finished."""
     replies = session.get(
-        selector, accept_replies=zenoh.ReplyKeyExpr.ANY, consolidation=zenoh.ConsolidationMode.NONE, timeout=5
+        selector, accept_replies=zenoh.ReplyKeyExpr.ANY, consolidation=zenoh.ConsolidationMode.NONE, timeout=3_600
     )
     found = [stamp_of(reply.ok) for reply in replies if reply.ok is not None]
     return [stamped[1] for stamped in found if stamped is not None]
