@@ -1,0 +1,171 @@
+"""One fault on a fleet that is well: how long until all of it is well again, and what it cost."""
+
+import asyncio
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Final
+
+from benchmarks.chaos import observer as of
+from benchmarks.chaos import resources
+from benchmarks.chaos.accounts import losses, missing
+from benchmarks.chaos.faults import Fault
+from benchmarks.chaos.frames import Frames, frames
+from benchmarks.chaos.observer import Observer
+from benchmarks.chaos.system import System
+from benchmarks.chaos.worker import PHASE_S
+from benchmarks.gateway.processes import PeerError
+from benchmarks.monitor.report import percentile
+from services.monitor.history.state import HistoryError
+
+RESULTS: Final = (of.LISTS, of.DISTANCES, of.CLOUDS, of.WORLD)
+STORE: Final = "store"
+MONITOR: Final = "monitor"
+LOOK_S: Final = 0.1
+PATIENCE_S: Final = 60.0
+DRAIN_S: Final = 8.0
+"""Time after the recovery in which lists may still come to the store; more are lost."""
+
+STORED_S: Final = 0.7
+"""After such a time the history has what was published: it writes twice a second."""
+
+NEWEST: Final = 50
+"""How many of the newest lists are looked for at the store, to see whether one of them is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """The fleet in the middle of a phase: pallets came, or went, a second ago. published: how many lists so far."""
+
+    published: int
+    alerts: Mapping[str, bool]
+    uses: Mapping[str, resources.Use]
+    frames: Frames
+
+
+class Scenario:
+    """A fleet, and faults that it suffers one after the other."""
+
+    def __init__(self, system: System, observer: Observer) -> None:
+        self._system = system
+        self._observer = observer
+        self._ill: list[str] = []
+
+    async def calm(self) -> None:
+        """Wait until the whole fleet is well.
+
+        Raises:
+            PeerError: it is not.
+        """
+        if await self._well(self._system.now_ns(), time.monotonic()) is None:
+            raise PeerError(f"the fleet is not well after {PATIENCE_S:g} s: {self._ill}; {self._system.last_words()}")
+
+    async def suffer(self, fault: Fault) -> dict[str, Any]:
+        """Have one fault; return what is printed of it.
+
+        Raises:
+            PeerError: the fleet is not well before, or a process ended that should not.
+        """
+        await self.calm()
+        before = await self._moment()
+        watching = asyncio.create_task(self._observer.watch_images()) if fault.images else None
+        self._observer.seen.ages.clear()
+        began_s = time.monotonic()
+        await fault.hold(self._system)
+        ended_s, ended_ns = time.monotonic(), self._system.now_ns()
+        ages_s = [age_s for _, age_s in self._observer.seen.ages]
+        images = self._observer.seen.images
+        if watching is not None:
+            watching.cancel()
+        times = await self._well(ended_ns, ended_s)
+        found: dict[str, Any] = {
+            "name": fault.name,
+            "recovered_s": None if times is None else round(max(times.values()), 2),
+            "recovered_by": times,
+            "held_s": round(ended_s - began_s, 1),
+        }
+        if times is None:
+            found["ill"] = self._ill
+        found |= await self._cost(before)
+        if fault.images:
+            found |= {"images": images, **latencies(ages_s)}
+        fault.after(self._system)
+        return found
+
+    async def _cost(self, before: Moment) -> dict[str, Any]:
+        await self._drained(before.published)
+        after = await self._moment()
+        everything = self._system.journal.lists()
+        published = everything[before.published : after.published]
+        marks = [each.mark for each in published]
+        stored = await self._system.store.rows(marks)
+        pallet = bool(before.published) and everything[before.published - 1].pallet
+        cost = losses(published, stored, before.alerts.keys(), after.alerts, pallet_before=pallet)
+        grown = resources.growth(before.uses, after.uses)
+        return {
+            **cost.figures(),
+            "lost_marks": missing(published, stored)[:10],
+            "frames": (after.frames - before.frames).figures(),
+            "rss_growth_mb": max((mb for mb, _ in grown.values()), default=0.0),
+            "files_growth": max((files for _, files in grown.values()), default=0),
+            "grown": {role: list(more) for role, more in grown.items() if more[0] > 1 or more[1] > 0},
+        }
+
+    async def _drained(self, since: int) -> None:
+        """Wait until the store has all that was published, or the time for that is over."""
+        until_s = time.monotonic() + DRAIN_S
+        while time.monotonic() < until_s:
+            published = self._system.journal.lists()[since:]
+            with suppress(HistoryError):
+                if not missing(published, await self._system.store.rows([each.mark for each in published])):
+                    return
+            await asyncio.sleep(2 * LOOK_S)
+
+    async def _moment(self) -> Moment:
+        """Wait for the middle of a phase; return what there is then."""
+        phase_s = time.monotonic() % PHASE_S
+        middle_s = PHASE_S / 2 - phase_s
+        await asyncio.sleep(middle_s if middle_s >= 0 else middle_s + PHASE_S)
+        published = len(self._system.journal.lists())
+        await asyncio.sleep(STORED_S)
+        alerts = await self._system.store.alerts()
+        return Moment(published, alerts, resources.uses(self._system.pids()), frames(self._observer.seen))
+
+    async def _well(self, since_ns: int, since_s: float) -> dict[str, float] | None:
+        """Wait until the fleet has results of frames since a time; return after how many seconds each part has.
+
+        None if that takes longer than PATIENCE_S.
+        """
+        times: dict[str, float] = {}
+        parts = [*RESULTS, STORE, MONITOR]
+        while len(times) < len(parts):
+            self._system.check()
+            for part in parts:
+                if part not in times and await self._has(part, since_ns):
+                    times[part] = round(time.monotonic() - since_s, 2)
+            self._ill = [part for part in parts if part not in times]
+            if time.monotonic() > since_s + PATIENCE_S:
+                return None
+            await asyncio.sleep(LOOK_S)
+        return times
+
+    async def _has(self, part: str, since_ns: int) -> bool:
+        if part == MONITOR:
+            return await self._observer.answers()
+        if part == STORE:
+            new = [each.mark for each in self._system.journal.lists()[-NEWEST:] if each.received_ns > since_ns]
+            with suppress(HistoryError):
+                return bool(new) and bool(await self._system.store.rows(new))
+            return False
+        return self._observer.seen.newest_ns.get(part, 0) > since_ns
+
+
+def latencies(ages_s: Sequence[float]) -> dict[str, float | None]:
+    """Return the ages of class lists, from the gateway to the centre, in milliseconds."""
+    ages_ms = [age_s * 1e3 for age_s in ages_s]
+    return {
+        "lists_seen": len(ages_ms),
+        "age_p50_ms": percentile(ages_ms, 50) if ages_ms else None,
+        "age_p99_ms": percentile(ages_ms, 99) if ages_ms else None,
+    }
