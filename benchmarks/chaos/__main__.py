@@ -7,11 +7,14 @@
                      the systemd units do), goes on, or the link, the disk or the certificate is as before; roaming and
                      steps of the clock end as they begin
       lost           class lists that a worker had handed to its bus and that the history has not, and alerts that
-                     class lists gave cause for and that were not raised. Frames that no worker saw are no lost lists
+                     class lists gave cause for and that it has not. Frames that no worker saw are no lost lists
+      passed_alerts  how many of the lost alerts, at most, had a cause that came and went during the fault, so that no
+                     monitor looked at what was in view while it held
       doubled        class lists that the history has twice, and alerts raised twice for one cause
       stuck_alerts   alerts that are still open although their cause is over, or the other way round
-      frames         images that gateways received: inferred, or dropped by whom and why; `unattributed` were on their
-                     way, or counted by a process in its last second
+      frames         images that gateways received: inferred, dropped by whom and why, or never come to a worker, as
+                     the counters of both say (of a killed process those of up to a second before); of `unattributed`
+                     ones nobody says anything
       rss_growth_mb, files_growth   of the process that grew most, of those that lived through the fault
     age_p99_ms       of class lists on a link of 2 Mbit/s while images are wanted, from the gateway to the centre
 
@@ -37,7 +40,7 @@ from typing import Any, Final
 from benchmarks.arguments import parser_of, show
 from benchmarks.chaos import clock, database
 from benchmarks.chaos.faults import THIN, Fault, Needs, named
-from benchmarks.chaos.network import Network, enter_namespace, has_namespaces, mount_disk, unmount_disk
+from benchmarks.chaos.network import Network, enter_namespace, has_namespaces, is_apart, mount_disk, unmount_disk
 from benchmarks.chaos.scenario import Scenario
 from benchmarks.chaos.system import MASTER, POSTGRESQL, Place, fleet
 from benchmarks.gateway.processes import ROSMASTER, PeerError
@@ -100,8 +103,8 @@ async def measure(arguments: Namespace) -> dict[str, Any]:
 def possible(faults: Sequence[Fault]) -> tuple[list[Fault], dict[str, str]]:
     """Return the faults that can be had here, and why the others cannot."""
     missing = {
-        Needs.NETWORK: None if has_namespaces() else "it takes root, iproute2, util-linux and TUN devices",
-        Needs.DISK: None if has_namespaces() else "it takes root",
+        Needs.NETWORK: None if is_apart() else "it takes root, iproute2, util-linux and TUN devices",
+        Needs.DISK: None if is_apart() else "it takes root",
         Needs.CLOCK: None if clock.library() else "it takes Debian's package faketime",
     }
     roles = {
@@ -149,7 +152,7 @@ async def place(needs: Needs) -> AsyncIterator[Place]:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleetsight-chaos-")))
         folder.chmod(0o755)  # noqa: ASYNC240 - nothing else runs yet
         network = None
-        if has_namespaces():
+        if is_apart():
             mount_disk(folder, DISK_MIB)
             stack.callback(unmount_disk, folder)
             network = Network(stack)

@@ -26,9 +26,14 @@ def has_namespaces() -> bool:
     return os.geteuid() == 0 and tools and Path("/dev/net/tun").exists()
 
 
+def is_apart() -> bool:
+    """Whether this process is in namespaces of its own."""
+    return os.environ.get(INSIDE) == str(os.getpid())
+
+
 def enter_namespace(module: str, arguments: Sequence[str]) -> None:
     """Become the same program in a network and a mount namespace of its own; return there."""
-    if os.environ.get(INSIDE) == str(os.getpid()):
+    if is_apart():
         ip("link", "set", "lo", "up")
         return
     os.environ[INSIDE] = str(os.getpid())

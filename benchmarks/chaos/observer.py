@@ -7,8 +7,10 @@ from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass, field
 from typing import Any, Final, Self
 
+from benchmarks.chaos.accounts import PALLET
 from bus import LATEST, QUEUE, Bus, RequestError, Sample
 from schemas import codec, keys, worker_keys
+from schemas.alerts import Alert
 from schemas.codec import M
 from schemas.detections import ClassList
 from schemas.distances import Distances
@@ -34,7 +36,7 @@ class Seen:
     """What came so far. newest_ns: when the gateway had the newest frame of each result; of the world, the newest view.
 
     ages: arrival and age of each class list, in seconds. images: how many came. gateways, workers: the last status of
-    each process.
+    each process. alerts: their ids.
     """
 
     newest_ns: dict[str, int] = field(default_factory=dict)
@@ -43,6 +45,12 @@ class Seen:
     image_bytes: int = 0
     gateways: dict[str, GatewayStatus] = field(default_factory=dict)
     workers: dict[tuple[str, str], WorkerStatus] = field(default_factory=dict)
+    alerts: set[str] = field(default_factory=set)
+
+    def forget(self) -> None:
+        """Begin anew to note ages and images."""
+        self.ages.clear()
+        self.images = self.image_bytes = 0
 
     def classes(self, seen: ClassList) -> None:
         """Note a class list."""
@@ -70,6 +78,11 @@ class Seen:
         """Note a worker's account."""
         self.workers[seen.service, seen.worker] = seen
 
+    def alert(self, seen: Alert) -> None:
+        """Note an alert."""
+        if seen.name == PALLET:
+            self.alerts.add(seen.id)
+
     def image(self, seen: ImageFrame) -> None:
         """Note an image."""
         self.images += 1
@@ -94,6 +107,7 @@ class Observer:
         self._follow(FRONT.stream(Stream.DISTANCES), Distances, seen.distances)
         self._follow(FRONT.stream(Stream.OBJECTS), ObjectClouds, seen.clouds)
         self._follow(worker_keys.EVERY_WORLD_STATUS, SiteStatus, seen.world)
+        self._follow(str(keys.RobotStreamKey(FRONT.robot, keys.ALERTS)), Alert, seen.alert)
         self._follow(keys.EVERY_GATEWAY_STATUS, GatewayStatus, seen.gateway)
         self._follow(worker_keys.EVERY_WORKER_STATUS, WorkerStatus, seen.worker)
         return self

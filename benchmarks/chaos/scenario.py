@@ -3,13 +3,14 @@
 import asyncio
 import time
 from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
 from benchmarks.chaos import observer as of
 from benchmarks.chaos import resources
-from benchmarks.chaos.accounts import losses, missing
+from benchmarks.chaos.accounts import Alerts, Window, losses, missing
 from benchmarks.chaos.faults import Fault
 from benchmarks.chaos.frames import Frames, frames
 from benchmarks.chaos.observer import Observer
@@ -36,10 +37,14 @@ NEWEST: Final = 50
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """The fleet in the middle of a phase: pallets came, or went, a second ago. published: how many lists so far."""
+    """The fleet in the middle of a phase: pallets came, or went, a second ago.
+
+    published: how many lists so far. told: ids of the alerts that were on the bus so far.
+    """
 
     published: int
     alerts: Mapping[str, bool]
+    told: AbstractSet[str]
     uses: Mapping[str, resources.Use]
     frames: Frames
 
@@ -70,12 +75,12 @@ class Scenario:
         await self.calm()
         before = await self._moment()
         watching = asyncio.create_task(self._observer.watch_images()) if fault.images else None
-        self._observer.seen.ages.clear()
-        began_s = time.monotonic()
+        self._observer.seen.forget()
+        began_s, began_ns = time.monotonic(), self._system.now_ns()
         await fault.hold(self._system)
         ended_s, ended_ns = time.monotonic(), self._system.now_ns()
         ages_s = [age_s for _, age_s in self._observer.seen.ages]
-        images = self._observer.seen.images
+        images, image_bytes = self._observer.seen.images, self._observer.seen.image_bytes
         if watching is not None:
             watching.cancel()
         times = await self._well(ended_ns, ended_s)
@@ -87,25 +92,30 @@ class Scenario:
         }
         if times is None:
             found["ill"] = self._ill
-        found |= await self._cost(before)
+        found |= await self._cost(before, began_ns, self._system.now_ns())
         if fault.images:
-            found |= {"images": images, **latencies(ages_s)}
+            mbit = image_bytes * 8 / 1e6 / (ended_s - began_s)
+            found |= {"images": images, "images_mbit": round(mbit, 2), **latencies(ages_s)}
         fault.after(self._system)
         return found
 
-    async def _cost(self, before: Moment) -> dict[str, Any]:
+    async def _cost(self, before: Moment, began_ns: int, well_ns: int) -> dict[str, Any]:
         await self._drained(before.published)
         after = await self._moment()
         everything = self._system.journal.lists()
         published = everything[before.published : after.published]
         marks = [each.mark for each in published]
         stored = await self._system.store.rows(marks)
-        pallet = bool(before.published) and everything[before.published - 1].pallet
-        cost = losses(published, stored, before.alerts.keys(), after.alerts, pallet_before=pallet)
+        alerts = Alerts(before.alerts.keys(), after.alerts, after.told - before.told)
+        window = Window(began_ns, well_ns, before=everything[before.published - 1].pallet)
+        cost = losses(published, stored, alerts, window)
+        lost = set(missing(published, stored))
         grown = resources.growth(before.uses, after.uses)
         return {
             **cost.figures(),
-            "lost_marks": missing(published, stored)[:10],
+            "lost_at_s": [round((each.received_ns - began_ns) / 1e9, 2) for each in published if each.mark in lost][
+                :10
+            ],
             "frames": (after.frames - before.frames).figures(),
             "rss_growth_mb": max((mb for mb, _ in grown.values()), default=0.0),
             "files_growth": max((files for _, files in grown.values()), default=0),
@@ -129,8 +139,8 @@ class Scenario:
         await asyncio.sleep(middle_s if middle_s >= 0 else middle_s + PHASE_S)
         published = len(self._system.journal.lists())
         await asyncio.sleep(STORED_S)
-        alerts = await self._system.store.alerts()
-        return Moment(published, alerts, resources.uses(self._system.pids()), frames(self._observer.seen))
+        alerts, told = await self._system.store.alerts(), frozenset(self._observer.seen.alerts)
+        return Moment(published, alerts, told, resources.uses(self._system.pids()), frames(self._observer.seen))
 
     async def _well(self, since_ns: int, since_s: float) -> dict[str, float] | None:
         """Wait until the fleet has results of frames since a time; return after how many seconds each part has.

@@ -24,7 +24,7 @@ from bus import BusSettings, open_bus
 from services.toolbox.demo.children import free_ports
 
 HZ: Final = 4.0
-FRAMES: Final = 40
+FRAMES: Final = 20
 FRAME_MS: Final = 20.0
 UPLINK_MBIT: Final = 1.8
 """What the thin link carries, less a tenth: a robot's budget is what its link carries at its worst."""

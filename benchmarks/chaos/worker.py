@@ -39,6 +39,10 @@ PHASE_S: Final = 2.5
 """Time for which a pallet is in view, and out of it, by the machine's monotonic clock."""
 
 
+SIDE: Final = 20
+"""Pixels of the box: its cloud crosses the robot's link, beside the images."""
+
+
 class Numbering:
     """The stand-in model. run: tells this process from those before it."""
 
@@ -68,7 +72,7 @@ class Numbering:
 
     def _objects(self, request: Request) -> list[Detection]:
         height, width = request.frame.height, request.frame.width
-        middle = Box(width * 0.375, height * 0.375, width * 0.625, height * 0.625)
+        middle = Box((width - SIDE) / 2, (height - SIDE) / 2, (width + SIDE) / 2, (height + SIDE) / 2)
         mask = middle_mask(height, width) if request.masks else None
         found = [Detection(name="box", score=0.9, box=middle, mask=mask)]
         if int(time.monotonic() / PHASE_S) % 2:
@@ -80,7 +84,7 @@ class Numbering:
 def middle_mask(height: int, width: int) -> Mask:
     """Return the mask of the box in the middle of an image."""
     pixels = np.zeros((height, width), np.uint8, order="F")
-    pixels[height * 3 // 8 : height * 5 // 8, width * 3 // 8 : width * 5 // 8] = 1
+    pixels[height // 2 - SIDE // 2 :, width // 2 - SIDE // 2 :][:SIDE, :SIDE] = 1
     return Mask(size=(height, width), counts=coco.encode(pixels)["counts"].decode("ascii"))
 
 
