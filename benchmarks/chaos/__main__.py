@@ -16,6 +16,7 @@
                      the counters of both say (of a killed process those of up to a second before); of `unattributed`
                      ones nobody says anything
       rss_growth_mb, files_growth   of the process that grew most, of those that lived through the fault
+    fleets           of each fleet, at its end: resident MiB and open files of every role
     age_p99_ms       of class lists on a link of 2 Mbit/s while images are wanted, from the gateway to the centre
 
 Real are all processes, links, the history and its database. The detector is a real worker whose model is a stand-in:
@@ -38,7 +39,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.arguments import parser_of, show
-from benchmarks.chaos import clock, database
+from benchmarks.chaos import clock, database, resources
 from benchmarks.chaos.faults import THIN, Fault, Needs, named
 from benchmarks.chaos.network import Network, enter_namespace, has_namespaces, is_apart, mount_disk, unmount_disk
 from benchmarks.chaos.scenario import Scenario
@@ -49,6 +50,7 @@ from benchmarks.monitor.__main__ import causes
 from benchmarks.progress import note
 from benchmarks.targets import Targets, at_least, at_most
 from services.access.authority import Authority
+from services.monitor.history.state import HistoryError
 
 MODULE: Final = "benchmarks.chaos"
 DISK_MIB: Final = 256
@@ -83,15 +85,17 @@ async def measure(arguments: Namespace) -> dict[str, Any]:
     load, until_s = os.getloadavg()[0], time.monotonic() + arguments.minutes * 60
     wanted, left_out = possible(arguments.faults)
     found: list[dict[str, Any]] = []
+    fleets: list[dict[str, Any]] = []
     for round_ in itertools.count(1):
         for needs, of_kind in itertools.groupby(wanted, key=_kind):
-            found += [{**each, "round": round_} for each in await suffered(needs, list(of_kind))]
+            found += [{**each, "round": round_} for each in await suffered(needs, list(of_kind), fleets)]
         if time.monotonic() > until_s:
             break
     return {
         "targets": targets(found),
         **summary(found),
         "faults": found,
+        "fleets": fleets,
         "left_out": left_out,
         "stands_in": {"detector": "a real worker process with a stand-in model that numbers class lists"},
         "load_average": {"before": round(load, 1), "after": round(os.getloadavg()[0], 1)},
@@ -105,7 +109,7 @@ def possible(faults: Sequence[Fault]) -> tuple[list[Fault], dict[str, str]]:
     missing = {
         Needs.NETWORK: None if is_apart() else "it takes root, iproute2, util-linux and TUN devices",
         Needs.DISK: None if is_apart() else "it takes root",
-        Needs.CLOCK: None if clock.library() else "it takes Debian's package faketime",
+        Needs.CLOCK: None if clock.compiler() else "it takes a C compiler",
     }
     roles = {
         POSTGRESQL: None if database.programs() else "it takes Debian's PostgreSQL",
@@ -120,8 +124,11 @@ def _kind(fault: Fault) -> Needs:
     return fault.needs if fault.needs in (Needs.CLOCK, Needs.CERTIFICATES) else Needs.NOTHING
 
 
-async def suffered(needs: Needs, faults: Sequence[Fault]) -> list[dict[str, Any]]:
-    """Have faults of one kind on one fleet, or on a new one after each from which it did not recover."""
+async def suffered(needs: Needs, faults: Sequence[Fault], fleets: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Have faults of one kind on one fleet, or on a new one after each from which it did not recover.
+
+    fleets: gets what each fleet's processes took at the end.
+    """
     found: list[dict[str, Any]] = []
     while len(found) < len(faults):
         note(f"a fleet with {needs}")
@@ -133,7 +140,9 @@ async def suffered(needs: Needs, faults: Sequence[Fault]) -> list[dict[str, Any]
                     note(_line(found[-1]))
                     if found[-1]["recovered_s"] is None:
                         break
-        except* PeerError as failed:
+                uses = resources.uses(system.pids())
+                fleets.append({role: [round(of.rss / 2**20, 1), of.files] for role, of in uses.items()})
+        except* (PeerError, HistoryError) as failed:
             name = faults[len(found)].name
             found.append({"name": name, "recovered_s": None, "lost": None, "doubled": None, "failed": causes(failed)})
             note(f"{name}: {found[-1]['failed']}")
@@ -165,10 +174,8 @@ async def place(needs: Needs) -> AsyncIterator[Place]:
         if needs is Needs.CERTIFICATES:
             pki = folder / "pki"
             make_certificates(pki, network)
-        library = clock.library()
-        if needs is Needs.CLOCK and library is not None:
-            clock.step(folder / "clock", 0)
-            stepped = clock.environment(library, folder / "clock")
+        if needs is Needs.CLOCK:
+            stepped = await asyncio.to_thread(clock.make, folder)
         yield Place(folder, network, data, pki, stepped)
 
 

@@ -1,30 +1,35 @@
-"""A clock of the fleet's own that can be stepped: Debian's libfaketime, asked at every reading of the system clock."""
+"""A system clock that can be stepped for some processes alone, all of them at once: a library that they load first."""
 
+import shutil
+import subprocess
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-LIBRARIES: Final = Path("/usr/lib")
-PATTERN: Final = "*/faketime/libfaketimeMT.so.1"
+SOURCE: Final = Path(__file__).with_suffix(".c")
+FILE: Final = "clock"
 
 
-def library() -> Path | None:
-    """Return libfaketime; None where it is not installed."""
-    return next(LIBRARIES.glob(PATTERN), None)
+def compiler() -> str | None:
+    """Return the C compiler's name; None where there is none."""
+    return next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), None)
 
 
-def environment(library: Path, file: Path) -> Mapping[str, str]:
-    """Return the environment of processes whose clock a file moves; the monotonic clock stays as it is."""
-    return {
-        "LD_PRELOAD": str(library),
-        "FAKETIME_TIMESTAMP_FILE": str(file),
-        "FAKETIME_NO_CACHE": "1",
-        "FAKETIME_DONT_FAKE_MONOTONIC": "1",
-    }
+def make(folder: Path) -> Mapping[str, str]:
+    """Make a clock that shows the machine's time; return the environment of processes that have it."""
+    library = folder / "clock.so"
+    made_by = compiler()
+    if made_by is None:
+        raise FileNotFoundError("no C compiler")
+    subprocess.run([made_by, "-shared", "-fPIC", "-O2", "-o", str(library), str(SOURCE)], check=True)
+    step(folder, 0)
+    return {"LD_PRELOAD": str(library), "CHAOS_CLOCK": str(folder / FILE)}
 
 
-def step(file: Path, seconds: int) -> None:
-    """Set the clock to so many seconds before or after the machine's, for all processes at once."""
-    new = file.with_suffix(".new")
-    new.write_text(f"{seconds:+d}\n", encoding="ascii")
-    new.replace(file)
+def step(folder: Path, ahead_ns: int) -> None:
+    """Set the clock to so much ahead of the machine's, or behind."""
+    file = folder / FILE
+    file.touch()
+    with file.open("r+b", buffering=0) as opened:  # the same file: processes have it in memory
+        opened.write(ahead_ns.to_bytes(8, sys.byteorder, signed=True))

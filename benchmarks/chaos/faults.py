@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any, Final
 
@@ -22,6 +22,7 @@ TAKEN_S: Final = 22.0
 
 EXPIRES_S: Final = 25.0
 HOUR_S: Final = 3_600
+STEPPED_S: Final = 8.0
 NS: Final = 1_000_000_000
 DAY_S: Final = 86_400
 
@@ -59,7 +60,9 @@ def nothing(_: System) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault. hold_s: how long it lasts, from begin to end. after: what is undone once its cost is known.
+    """One fault. hold_s: how long it lasts, from begin to end. lasts_s: how long its effects are looked at beyond that.
+
+    after: what is undone once its cost is known.
 
     images: whether a viewer at the centre wants the camera's images meanwhile.
     """
@@ -72,6 +75,7 @@ class Fault:
     role: str = ""
     needs: Needs = Needs.NOTHING
     images: bool = False
+    lasts_s: float = 0.0
 
     async def hold(self, fleet: System) -> None:
         """Have the fault for as long as it lasts."""
@@ -95,7 +99,7 @@ def faults() -> Iterator[Fault]:
     )
     yield _needing(full, Needs.DISK)
     for name, hours in (("clock an hour ahead", 1), ("clock an hour back", 0), ("clock an hour behind", -1)):
-        yield _needing(Fault(name, _step(hours * HOUR_S), 0.0), Needs.CLOCK)
+        yield _needing(Fault(name, _step(hours * HOUR_S), 0.0, lasts_s=STEPPED_S), Needs.CLOCK)
     yield _needing(Fault("certificate renewed", _renew(DAY_S), TAKEN_S), Needs.CERTIFICATES)
     expired_s = EXPIRES_S + HANGS_S
     yield _needing(Fault("certificate expired", _renew(EXPIRES_S), expired_s, _renew(DAY_S)), Needs.CERTIFICATES)
@@ -130,9 +134,7 @@ def _of_the_network() -> Iterator[Fault]:
 
 
 def _needing(fault: Fault, needs: Needs) -> Fault:
-    return Fault(
-        fault.name, fault.begin, fault.hold_s, fault.end, fault.after, fault.role, needs=needs, images=fault.images
-    )
+    return replace(fault, needs=needs)
 
 
 def _kill(role: str) -> Act:
@@ -177,8 +179,8 @@ def _return(fleet: System) -> None:
 
 def _step(seconds: int) -> Act:
     def set_clock(fleet: System) -> None:
-        clock.step(fleet.place.folder / "clock", seconds)
         fleet.ahead_ns = seconds * NS
+        clock.step(fleet.place.folder, fleet.ahead_ns)
 
     return set_clock
 

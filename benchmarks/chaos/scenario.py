@@ -31,6 +31,9 @@ DRAIN_S: Final = 8.0
 STORED_S: Final = 0.7
 """After such a time the history has what was published: it writes twice a second."""
 
+AHEAD_NS: Final = 1_000_000_000
+"""What is so much newer than now is of before the clock was set back."""
+
 NEWEST: Final = 50
 """How many of the newest lists are looked for at the store, to see whether one of them is there."""
 
@@ -92,7 +95,9 @@ class Scenario:
         }
         if times is None:
             found["ill"] = self._ill
-        found |= await self._cost(before, began_ns, self._system.now_ns())
+        well_ns = self._system.now_ns()
+        await asyncio.sleep(fault.lasts_s)
+        found |= await self._cost(before, began_ns, well_ns)
         if fault.images:
             mbit = image_bytes * 8 / 1e6 / (ended_s - began_s)
             found |= {"images": images, "images_mbit": round(mbit, 2), **latencies(ages_s)}
@@ -148,11 +153,13 @@ class Scenario:
         None if that takes longer than PATIENCE_S.
         """
         times: dict[str, float] = {}
+        self._observer.seen.newest_ns.clear()
+        published = len(self._system.journal.lists())
         parts = [*RESULTS, STORE, MONITOR]
         while len(times) < len(parts):
             self._system.check()
             for part in parts:
-                if part not in times and await self._has(part, since_ns):
+                if part not in times and await self._has(part, since_ns, published):
                     times[part] = round(time.monotonic() - since_s, 2)
             self._ill = [part for part in parts if part not in times]
             if time.monotonic() > since_s + PATIENCE_S:
@@ -160,15 +167,17 @@ class Scenario:
             await asyncio.sleep(LOOK_S)
         return times
 
-    async def _has(self, part: str, since_ns: int) -> bool:
+    async def _has(self, part: str, since_ns: int, published: int) -> bool:
+        until_ns = self._system.now_ns() + AHEAD_NS
         if part == MONITOR:
             return await self._observer.answers()
         if part == STORE:
-            new = [each.mark for each in self._system.journal.lists()[-NEWEST:] if each.received_ns > since_ns]
+            lists = self._system.journal.lists()[published:][-NEWEST:]
+            new = [each.mark for each in lists if since_ns < each.received_ns < until_ns]
             with suppress(HistoryError):
                 return bool(new) and bool(await self._system.store.rows(new))
             return False
-        return self._observer.seen.newest_ns.get(part, 0) > since_ns
+        return since_ns < self._observer.seen.newest_ns.get(part, 0) < until_ns
 
 
 def latencies(ages_s: Sequence[float]) -> dict[str, float | None]:
