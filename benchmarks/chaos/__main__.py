@@ -43,7 +43,7 @@ from benchmarks.chaos import clock, database, resources
 from benchmarks.chaos.faults import THIN, Fault, Needs, named
 from benchmarks.chaos.network import Network, enter_namespace, has_namespaces, is_apart, mount_disk, unmount_disk
 from benchmarks.chaos.scenario import Scenario
-from benchmarks.chaos.system import MASTER, POSTGRESQL, Place, fleet
+from benchmarks.chaos.system import DISK, MASTER, POSTGRESQL, Place, fleet
 from benchmarks.gateway.processes import ROSMASTER, PeerError
 from benchmarks.machine import machine, versions
 from benchmarks.monitor.__main__ import causes
@@ -160,16 +160,17 @@ async def place(needs: Needs) -> AsyncIterator[Place]:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleetsight-chaos-")))
         folder.chmod(0o755)  # noqa: ASYNC240 - nothing else runs yet
-        network = None
+        network, disk = None, folder / DISK
+        disk.mkdir()
         if is_apart():
-            mount_disk(folder, DISK_MIB)
-            stack.callback(unmount_disk, folder)
+            mount_disk(disk, DISK_MIB)
+            stack.callback(unmount_disk, disk)
             network = Network(stack)
             await network.open()
         data = None
         if database.programs() is not None:
-            (folder / "postgresql").mkdir()
-            data = await asyncio.to_thread(database.Database, folder / "postgresql")
+            (disk / "postgresql").mkdir()
+            data = await asyncio.to_thread(database.Database, disk / "postgresql")
         pki, stepped = None, None
         if needs is Needs.CERTIFICATES:
             pki = folder / "pki"

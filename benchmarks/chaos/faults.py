@@ -94,9 +94,7 @@ def faults() -> Iterator[Fault]:
     for role in RESTARTED:
         yield Fault(f"restart {role}", _end(role), UNIT_RESTART_S, _start(role), role=role)
     yield from _of_the_network()
-    full = Fault(
-        "full disk", lambda fleet: fill(fleet.place.folder), FULL_S, lambda fleet: make_room(fleet.place.folder)
-    )
+    full = Fault("full disk", lambda fleet: fill(fleet.disk), FULL_S, lambda fleet: make_room(fleet.disk))
     yield _needing(full, Needs.DISK)
     for name, hours in (("clock an hour ahead", 1), ("clock an hour back", 0), ("clock an hour behind", -1)):
         yield _needing(Fault(name, _step(hours * HOUR_S), 0.0, lasts_s=STEPPED_S), Needs.CLOCK)

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from benchmarks.chaos import observer as of
 from benchmarks.chaos import resources
-from benchmarks.chaos.accounts import Alerts, Window, losses, missing
+from benchmarks.chaos.accounts import Alerts, Window, arrivals, losses, missing
 from benchmarks.chaos.faults import Fault
 from benchmarks.chaos.frames import Frames, frames
 from benchmarks.chaos.observer import Observer
@@ -97,6 +97,7 @@ class Scenario:
             found["ill"] = self._ill
         well_ns = self._system.now_ns()
         await asyncio.sleep(fault.lasts_s)
+        await self._alerted(before.published)
         found |= await self._cost(before, began_ns, well_ns)
         if fault.images:
             mbit = image_bytes * 8 / 1e6 / (ended_s - began_s)
@@ -126,6 +127,14 @@ class Scenario:
             "files_growth": max((files for _, files in grown.values()), default=0),
             "grown": {role: list(more) for role, more in grown.items() if more[0] > 1 or more[1] > 0},
         }
+
+    async def _alerted(self, since: int) -> None:
+        """Wait until a pallet came into view, so that there is an alert to lose."""
+        until_s = time.monotonic() + 2 * PHASE_S
+        while time.monotonic() < until_s:
+            if arrivals(self._system.journal.lists()[since:], before=True):
+                return
+            await asyncio.sleep(LOOK_S)
 
     async def _drained(self, since: int) -> None:
         """Wait until the store has all that was published, or the time for that is over."""

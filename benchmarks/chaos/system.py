@@ -29,6 +29,9 @@ FRAME_MS: Final = 20.0
 UPLINK_MBIT: Final = 1.8
 """What the thin link carries, less a tenth: a robot's budget is what its link carries at its worst."""
 
+DISK: Final = "disk"
+"""The folder, on a file system of its own where there may be one, of all that is kept: history and world model."""
+
 UNIT_RESTART_S: Final = 3.0
 """RestartSec of the systemd units: so long a process that was killed is down."""
 
@@ -74,7 +77,8 @@ class System:
         self.endpoints = [f"{link}/{address}:{self._ports + number}" for number in range(2)]
         self._beside = f"tcp/127.0.0.1:{self._ports + 2}"
         self._master = f"http://127.0.0.1:{self._ports + 3}"
-        history = f"sqlite:///{place.folder / 'history.db'}"
+        self.disk = place.folder / DISK
+        history = f"sqlite:///{self.disk / 'history.db'}"
         self.history = place.database.url if place.database is not None else history
         self.store = Store(self.history)
         (place.folder / "rules.yaml").write_text(RULES, encoding="utf-8")
@@ -89,7 +93,7 @@ class System:
             DISTANCE: lambda: self._at_robot(DISTANCE),
             CLOUD: lambda: self._at_robot(CLOUD),
             DETECTOR: self._detector,
-            WORLD: lambda: [*TOOLBOX, WORLD, *self._joining(), "--state", str(place.folder / "world")],
+            WORLD: lambda: [*TOOLBOX, WORLD, *self._joining(), "--state", str(self.disk / "world")],
             MONITOR: self._monitor,
         }
         for role in self._commands:
