@@ -15,6 +15,7 @@
       frames         images that gateways received: inferred, dropped by whom and why, or never come to a worker, as
                      the counters of both say (of a killed process those of up to a second before); of `unattributed`
                      ones nobody says anything
+      monitor_said   what the monitor told of its problems meanwhile
       rss_growth_mb, files_growth   of the process that grew most, of those that lived through the fault
     fleets           of each fleet, at its end: resident MiB and open files of every role
     age_p99_ms       of class lists on a link of 2 Mbit/s while images are wanted, from the gateway to the centre

@@ -36,7 +36,7 @@ class Seen:
     """What came so far. newest_ns: when the gateway had the newest frame of each result; of the world, the newest view.
 
     ages: arrival and age of each class list, in seconds. images: how many came. gateways, workers: the last status of
-    each process. alerts: their ids.
+    each process. alerts: their ids. problems: what the monitor said of itself.
     """
 
     newest_ns: dict[str, int] = field(default_factory=dict)
@@ -46,10 +46,12 @@ class Seen:
     gateways: dict[str, GatewayStatus] = field(default_factory=dict)
     workers: dict[tuple[str, str], WorkerStatus] = field(default_factory=dict)
     alerts: set[str] = field(default_factory=set)
+    problems: set[str] = field(default_factory=set)
 
     def forget(self) -> None:
-        """Begin anew to note ages and images."""
+        """Begin anew to note ages, images and problems."""
         self.ages.clear()
+        self.problems.clear()
         self.images = self.image_bytes = 0
 
     def classes(self, seen: ClassList) -> None:
@@ -132,15 +134,21 @@ class Observer:
         """Want the camera's images, until cancelled."""
         await self.follow(FRONT.stream(Stream.COLOR), ImageFrame, self.seen.image, images=True)
 
-    async def answers(self) -> bool:
-        """Whether the monitor answers a question."""
+    async def answer(self) -> InventoryAnswer | None:
+        """Return the monitor's answer to a question; None if there is none."""
         with suppress(RequestError, SchemaError):
-            request = codec.encode(InventoryRequest(robot="r1", in_view=True))
+            request = codec.encode(InventoryRequest(robot=FRONT.robot, in_view=True))
             encoding = codec.encoding(InventoryRequest)
             reply = await self._bus.request(keys.INVENTORY, request, encoding=encoding, timeout_s=ASK_S)
-            codec.decode(InventoryAnswer, reply.payload, reply.encoding)
-            return True
-        return False
+            return codec.decode(InventoryAnswer, reply.payload, reply.encoding)
+        return None
+
+    async def note_problems(self) -> None:
+        """Note what the monitor says of its problems, until cancelled."""
+        while True:
+            await asyncio.sleep(ASK_S)
+            if (answer := await self.answer()) is not None:
+                self.seen.problems.update(answer.problems)
 
 
 def _decoded(schema: type[M], sample: Sample) -> Iterator[M]:

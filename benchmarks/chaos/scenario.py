@@ -77,20 +77,26 @@ class Scenario:
         """
         await self.calm()
         before = await self._moment()
-        watching = asyncio.create_task(self._observer.watch_images()) if fault.images else None
+        watching = [asyncio.create_task(self._observer.note_problems())]
+        if fault.images:
+            watching.append(asyncio.create_task(self._observer.watch_images()))
+        answer = await self._observer.answer()
+        said_before = set(answer.problems) if answer is not None else set()
         self._observer.seen.forget()
         began_s, began_ns = time.monotonic(), self._system.now_ns()
         await fault.hold(self._system)
         ended_s, ended_ns = time.monotonic(), self._system.now_ns()
         ages_s = [age_s for _, age_s in self._observer.seen.ages]
         images, image_bytes = self._observer.seen.images, self._observer.seen.image_bytes
-        if watching is not None:
-            watching.cancel()
+        for task in watching:
+            task.cancel()
+        said = sorted(self._observer.seen.problems - said_before)
         times = await self._well(ended_ns, ended_s)
         found: dict[str, Any] = {
             "name": fault.name,
             "recovered_s": None if times is None else round(max(times.values()), 2),
             "recovered_by": times,
+            "monitor_said": [line[:120] for line in said],
             "held_s": round(ended_s - began_s, 1),
         }
         if times is None:
@@ -179,7 +185,7 @@ class Scenario:
     async def _has(self, part: str, since_ns: int, published: int) -> bool:
         until_ns = self._system.now_ns() + AHEAD_NS
         if part == MONITOR:
-            return await self._observer.answers()
+            return await self._observer.answer() is not None
         if part == STORE:
             lists = self._system.journal.lists()[published:][-NEWEST:]
             new = [each.mark for each in lists if since_ns < each.received_ns < until_ns]
