@@ -33,7 +33,9 @@ class Store:
                 intervals.c.robot == "r1", intervals.c.name.in_(marks[first : first + AT_ONCE])
             )
             async with translating(), self._engine.connect() as connection:
-                found.update(dict((await connection.execute(wanted.group_by(intervals.c.name))).tuples().all()))
+                rows = (await connection.execute(wanted.group_by(intervals.c.name))).all()
+            for name, number in rows:
+                found[name] += number
         return found
 
     async def alerts(self) -> Mapping[str, bool]:
