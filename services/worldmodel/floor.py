@@ -47,6 +47,11 @@ class Floor:
             x, y = (cells - self._low).T
             self._looked_ns[y, x] = at_ns
 
+    def set_back(self, now_ns: int) -> None:
+        """Cap all times at now: the clock was set back."""
+        np.minimum(self._looked_ns, now_ns, out=self._looked_ns)
+        self._due_ns.clear()
+
     def forget(self, cameras: Iterable[tuple[str, str]]) -> None:
         """Forget when cameras' views are due again."""
         for camera in cameras:

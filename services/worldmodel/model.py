@@ -84,6 +84,12 @@ class SiteModel:
         self.cameras.restore(cameras)
         self.population.restore(objects, next_number)
 
+    def set_back(self, now_ns: int) -> None:
+        """Cap all times at now: the clock was set back, and what is seen from now on is newer than what was."""
+        self.objects.set_back(now_ns)
+        self.offsets.set_back(now_ns)
+        self._swept_ns = min(self._swept_ns, now_ns)
+
     def forget(self, robots: Collection[str], cameras: Collection[CameraName]) -> None:
         """Forget robots and cameras: their numbers are for others from now on. What they saw stays."""
         robot_numbers, camera_numbers = (

@@ -59,6 +59,12 @@ class Roster:
         self._robots.move_to_end(robot)
         return ""
 
+    def set_back(self, now_ns: int) -> None:
+        """Cap all times at now: the clock was set back."""
+        for cameras in self._robots.values():
+            for camera, at_ns in cameras.items():
+                cameras[camera] = min(at_ns, now_ns)
+
     def take_left(self) -> tuple[list[str], list[CameraName]]:
         """Return the robots, and the cameras, that made room since this was called last."""
         left = self._left_robots, self._left_cameras

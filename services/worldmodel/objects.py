@@ -134,6 +134,13 @@ class Objects:
         self.seers[gone], self.seers_ns[gone] = _UNKNOWN["seers"], 0
         self.anchor_robot[np.isin(self.anchor_robot, robots)] = _UNKNOWN["anchor_robot"]
 
+    def set_back(self, now_ns: int) -> None:
+        """Cap all times at now: the clock was set back."""
+        for each in fields(self):
+            if each.name.endswith("_ns"):
+                times = getattr(self, each.name)
+                np.minimum(times, now_ns, out=times)
+
     def shift(self, rows: Rows, by: Floats, along: Floats) -> None:
         """Move objects by (n, 2), which is `along` the directions of outlines (n, REACHES)."""
         self.edges[rows] += along

@@ -154,6 +154,11 @@ class Offsets:
         self.at_ns[robots], self.views[robots], self._passed[robots] = 0, 0, 0.0
         self._cameras.forget(cameras)
 
+    def set_back(self, now_ns: int) -> None:
+        """Cap all times at now: the clock was set back."""
+        np.minimum(self.at_ns, now_ns, out=self.at_ns)
+        self._cameras.set_back(now_ns)
+
     def _forget(self, robots: Rows, why: int) -> None:
         self.state[robots] = 0.0
         self.covariance[robots] = np.diag(self.usual.variance)
@@ -170,6 +175,10 @@ class _LastPoses:
     def forget(self, cameras: Rows) -> None:
         """Forget where cameras were."""
         self._at_ns[cameras[cameras < len(self._at_ns)]] = 0
+
+    def set_back(self, now_ns: int) -> None:
+        """Cap all times at now."""
+        np.minimum(self._at_ns, now_ns, out=self._at_ns)
 
     def have_jumped(self, cameras: Rows, at_ns: NDArray[np.int64], position: Floats) -> Bools:
         """Return which cameras moved faster than robots do; they are where they are from now on."""

@@ -42,6 +42,9 @@ from services.worldmodel.state import StateError, restored, saved
 APART_NS: Final = 5_000_000_000
 """A view with a stamp that is farther from when it came is taken to be taken when it came: clocks are apart."""
 
+SET_BACK_NS: Final = 1_000_000_000
+"""A clock that goes back by more was set; by less it is put right in passing."""
+
 REPLACED: Final = "views replaced by newer ones"
 MALFORMED: Final = "malformed views"
 OTHER_FRAME: Final = "views in another frame than the site's"
@@ -122,6 +125,7 @@ class Site:
         self._reader = ViewReader(settings.frame, self._roster)
         self._nearby: dict[str, Task[None]] = {}
         self._lag_ns = 0
+        self._now_ns = 0
 
     def state(self) -> bytes:
         """Return what another worker goes on with."""
@@ -147,7 +151,8 @@ class Site:
     async def _receive(self, views: str, told: Publisher, group: TaskGroup) -> None:
         async with self._bus.subscribe(views, LATEST, history=False) as samples:
             async for batch in samples.batches(AT_ONCE):
-                self._lag_ns = max(0, time.time_ns() - batch[0].received_ns)
+                self._heed_clock(now_ns := time.time_ns())
+                self._lag_ns = max(0, now_ns - batch[0].received_ns)
                 found = self._reader.read(batch)
                 self._forget(*self._roster.take_left())
                 events = self.model.take_all(found)
@@ -157,6 +162,14 @@ class Site:
                 for robot in {view.header.robot for view, _ in found} - self._nearby.keys():
                     self._nearby[robot] = group.create_task(self._tell_nearby(robot))
                 await asyncio.sleep(0)
+
+    def _heed_clock(self, now_ns: int) -> None:
+        """Notice that the system clock was set back: until it were as late again, nothing would be new."""
+        if now_ns < self._now_ns - SET_BACK_NS:
+            log.warning("the clock was set back by %.0f s", (self._now_ns - now_ns) / 1e9)
+            for each in (self.model, self._floor, self._roster):
+                each.set_back(now_ns)
+        self._now_ns = now_ns
 
     def _forget(self, robots: Sequence[str], cameras: Sequence[CameraName]) -> None:
         if cameras:

@@ -4,8 +4,9 @@ import ipaddress
 import logging
 import math
 import re
+import time
 from asyncio import TaskGroup
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Final
 
 from bus import QUEUE, Bus, BusSettings, Presence, Sample
@@ -113,16 +114,30 @@ BUDGETS_WAITING: Final = QUEUE(1_000, 8 << 20)
 log = logging.getLogger(__name__)
 
 
+HERE_AGAIN_S: Final = 3.0
+"""Time for which a stream whose last announced consumer has gone counts as this machine's, if that was on it.
+
+When the link to the fleet is lost and made again, the services beside the gateway stop wanting its streams, and soon
+want them again. A frame may then come before their tokens do; as one for elsewhere, a point cloud would take a thin
+uplink's budget of ten seconds. Streams that are not wanted stay subscribed on ROS for less than that.
+"""
+
+
 class Consumers:
     """Consumers of the robot's streams, from their tokens and budgets.
 
     clock_id: this machine's. near: whether what this process sends to one on the same machine stays on it.
+    steady_s: returns the seconds of a clock that is never set.
     """
 
-    def __init__(self, robot: str, clock_id: str, *, near: bool) -> None:
+    def __init__(
+        self, robot: str, clock_id: str, *, near: bool, steady_s: Callable[[], float] = time.monotonic
+    ) -> None:
         self._robot = robot
         self._clock_id = clock_id
         self._near = near
+        self._steady_s = steady_s
+        self._here_until_s: dict[SensorKey, float] = {}
         self._known: dict[SensorKey, set[Wanted]] = {}
         self._count = 0
         self._budgets = Budgets()
@@ -136,9 +151,11 @@ class Consumers:
         return known is None or self._budgets.passes(key, known, now_ns)
 
     def all_here(self, key: SensorKey) -> bool:
-        """Return whether the stream has announced consumers, and all of them are on this machine."""
+        """Return whether the stream has, or had a moment ago, announced consumers, and all of them on this machine."""
         known = self._known.get(key)
-        return self._near and bool(known) and all(each.clock_id == self._clock_id for each in known or ())
+        if not known:
+            return self._near and self._steady_s() < self._here_until_s.get(key, 0.0)
+        return self._near and all(each.clock_id == self._clock_id for each in known)
 
     def note(self, presence: Presence) -> None:
         """Note that a consumer's token appeared or vanished."""
@@ -157,6 +174,15 @@ class Consumers:
         self._count += len(known) - before
         if not known:
             del self._known[wanted.key]
+            if before and wanted.clock_id == self._clock_id:
+                self._remember(wanted.key, self._steady_s())
+            else:
+                self._here_until_s.pop(wanted.key, None)
+
+    def _remember(self, key: SensorKey, now_s: float) -> None:
+        """Note that the last consumer of a stream has gone, and was on this machine."""
+        self._here_until_s = {of: until_s for of, until_s in self._here_until_s.items() if until_s > now_s}
+        self._here_until_s[key] = now_s + HERE_AGAIN_S
 
     def note_budget(self, sample: Sample) -> None:
         """Note the rate that a consumer can use."""

@@ -214,3 +214,13 @@ def test_views_taken_together_say_the_same_as_one_by_one() -> None:
     assert events == [ChangeKind.APPEARED] * len(ROW)
     for found, same in zip(known(together), known(one), strict=True):
         assert (found.x, found.y) == pytest.approx((same.x, same.y), abs=0.05)
+
+
+def test_after_the_clock_was_set_back_what_is_seen_and_not_seen_counts_at_once() -> None:
+    model = SiteModel()
+    watch(model, [BOX], [Camera()], 3_600.0, 10)
+    model.set_back(5 * NS)
+    (at_ns,) = model.offsets.at_ns[: len(model.robots.names)].tolist()
+    assert at_ns == 5 * NS
+    assert watch(model, [], [Camera()], 6.0, 6) == ["gone"]
+    assert known(model) == []

@@ -7,7 +7,7 @@ import pytest
 
 from bus import BusSettings, Presence, QoS, Sample
 from bus.fake import FakeNetwork
-from gateway.to_bus.shaping.consumers import MAX_CONSUMERS, Consumers, stays_near
+from gateway.to_bus.shaping.consumers import HERE_AGAIN_S, MAX_CONSUMERS, Consumers, stays_near
 from schemas import codec
 from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
 from schemas.consumer_keys import Wanted
@@ -38,8 +38,33 @@ def test_all_of_them_must_be_here() -> None:
 
 def test_those_who_left_do_not_count() -> None:
     assert told(("here", "a", True), ("there", "b", True), ("there", "b", False)).all_here(COLOR)
-    assert not told(("here", "a", True), ("here", "a", False)).all_here(COLOR)
+    assert not told(("there", "a", True), ("there", "a", False)).all_here(COLOR)
     assert not told(("here", "a", False)).all_here(COLOR)
+
+
+def test_those_here_who_left_a_moment_ago_and_may_come_back_count_as_here() -> None:
+    now_s = 100.0
+    consumers = Consumers("r1", "here", near=True, steady_s=lambda: now_s)
+    for alive in (True, False):
+        consumers.note(Presence(str(Wanted(COLOR, "here", "a")), alive))
+    assert consumers.all_here(COLOR)
+    assert not consumers.all_here(DEPTH)
+    consumers.note(Presence(str(Wanted(COLOR, "there", "b")), alive=True))
+    assert not consumers.all_here(COLOR)
+    consumers.note(Presence(str(Wanted(COLOR, "there", "b")), alive=False))
+    now_s += HERE_AGAIN_S
+    assert not consumers.all_here(COLOR)
+
+
+def test_what_is_remembered_of_those_who_left_is_bounded() -> None:
+    now_s = 100.0
+    consumers = Consumers("r1", "here", near=True, steady_s=lambda: now_s)
+    for number in range(9):
+        key = StreamKey(CameraKey("r1", f"c{number}"), Stream.COLOR)
+        for alive in (True, False):
+            consumers.note(Presence(str(Wanted(key, "here", "a")), alive))
+        now_s += HERE_AGAIN_S / 2
+    assert len(consumers._here_until_s) == 2
 
 
 def test_where_the_way_leads_over_the_network_nobody_is_here() -> None:

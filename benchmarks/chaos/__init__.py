@@ -1,0 +1,1 @@
+"""Faults of processes, networks, disks, clocks and certificates in a running fleet, and what each cost."""

@@ -1,0 +1,50 @@
+"""A site whose machine's clock was set back by an hour."""
+
+import logging
+
+import pytest
+
+from bus.fake import FakeNetwork
+from services.worldmodel.floor import Floor
+from services.worldmodel.names import ABSENT_NS, Roster
+from services.worldmodel.settings import WorldSettings
+from services.worldmodel.site import Site
+from tests.services.worldmodel.scene import NS, Camera, Thing, view, watch
+
+HOUR_NS = 3_600 * NS
+BOX = Thing(4.0, 0.0)
+
+
+async def test_a_clock_that_goes_back_a_little_is_no_news_and_by_an_hour_all_times_follow(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async with FakeNetwork().open_bus() as bus:
+        site = Site(bus, WorldSettings(), "main")
+        watch(site.model, [BOX], [Camera()], 3_600.0, 10)
+        newest_ns = int(site.model.objects.last_ns.max())
+        with caplog.at_level(logging.WARNING):
+            site._heed_clock(2 * HOUR_NS)
+            site._heed_clock(2 * HOUR_NS - NS // 2)
+            assert int(site.model.objects.last_ns.max()) == newest_ns
+            assert caplog.messages == []
+            site._heed_clock(2 * HOUR_NS - NS // 2 - HOUR_NS - 60 * NS)
+        assert caplog.messages == ["the clock was set back by 3660 s"]
+        assert int(site.model.objects.last_ns.max()) == HOUR_NS - 60 * NS - NS // 2
+
+
+def test_the_floor_is_looked_at_from_then_on() -> None:
+    floor = Floor()
+    floor.take(view([], Camera(), 3_600.0), HOUR_NS)
+    floor.set_back(5 * NS)
+    floor.take(view([], Camera(100.0, 0.0), 6.0), 6 * NS)
+    message = floor.message("main", 7 * NS)
+    ages = memoryview(bytes(message.ages)).cast("H").tolist()
+    assert {each for each in ages if each < 65_535} == {1, 2}
+
+
+def test_robots_that_are_absent_from_then_on_make_room() -> None:
+    roster = Roster(most_robots=1)
+    assert roster.admit("r1", "front", HOUR_NS) == ""
+    roster.set_back(5 * NS)
+    assert roster.admit("r2", "front", 6 * NS + ABSENT_NS) == ""
+    assert roster.take_left() == (["r1"], [("r1", "front")])
