@@ -43,10 +43,11 @@ class AuthorityError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Issued:
-    """A certificate. hosts: names and addresses at which others connect to it."""
+    """A certificate. days: for which it was given. hosts: names and addresses at which others connect to it."""
 
     name: str
     until: datetime
+    days: float
     hosts: tuple[str, ...]
     revoked: bool = False
 
@@ -234,7 +235,7 @@ class Authority:
 
 def _issued(name: str, certificate: x509.Certificate, *, revoked: bool = False) -> Issued:
     hosts = hosts_of(certificate) if name != AUTHORITY else ()
-    return Issued(name, certificate.not_valid_after_utc, hosts, revoked)
+    return Issued(name, certificate.not_valid_after_utc, days_of(certificate), hosts, revoked)
 
 
 def _read(file: Path) -> x509.Certificate:

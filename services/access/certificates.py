@@ -144,4 +144,6 @@ def write(file: Path, content: bytes, mode: int = 0o644) -> Path:
     new.unlink(missing_ok=True)
     with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as opened:
         opened.write(content)
+        opened.flush()
+        os.fsync(opened.fileno())  # robots lose their power
     return new.replace(file)

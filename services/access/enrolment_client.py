@@ -172,7 +172,9 @@ def _ask(
             "and this machine's clock"
         ) from error
     except (ssl.SSLEOFError, ConnectionResetError) as error:
-        raise EnrolmentError(f"{_shown(address)}: it closed the connection; it may be busy, try again") from error
+        raise EnrolmentError(
+            f"{_shown(address)}: it closed the connection; try again, and check the clocks of both machines"
+        ) from error
     except ssl.SSLError as error:
         reason = (error.reason or str(error)).lower().replace("_", " ")
         raise EnrolmentError(f"{_shown(address)}: TLS failed: {reason}; is `fleetsight pki serve` there?") from error

@@ -85,6 +85,11 @@ class Invitations:
             self._write(name, msgspec.structs.replace(found, used=now, used_from=address))
         return found
 
+    def has_enrolled(self, name: str) -> bool:
+        """Return whether the machine of this name has enrolled, so that it renews its certificate itself."""
+        found = self._read(name)
+        return found is not None and found.used is not None
+
     def withdraw(self, name: str) -> bool:
         """Forget the invitation of a name; return whether it could still have been used."""
         with locked(self._authority.folder):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from services.access.authority import Authority, AuthorityError
-from services.access.enrolment_client import EnrolmentError, Files, enrol, lines_of_enrolment, renew
+from services.access.enrolment_client import LAST_PART, EnrolmentError, Files, enrol, lines_of_enrolment, renew
 from services.access.enrolment_protocol import PORT, Token, parse_address
 from services.access.enrolment_server import EnrolmentServer
 from services.access.fleet_file import FleetFile, FleetFileError, read_fleet
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 
 DAY: Final = timedelta(days=1)
 SOON: Final = 14
-"""Days before its end at which a certificate is marked."""
+"""Days before its end at which a certificate is marked; one that its machine renews, once that is overdue."""
 
 
 class AccessError(Exception):
@@ -61,7 +61,8 @@ def _issue(authority: Authority, settings: PkiSettings) -> Iterator[str]:
 def _list(authority: Authority, _: PkiSettings) -> Iterator[str]:
     for issued in authority.all():
         left = (issued.until - datetime.now(UTC)) / DAY
-        state = "revoked" if issued.revoked else "ended" if left <= 0 else "renew soon" if left < SOON else "good"
+        soon = issued.days * LAST_PART if Invitations(authority).has_enrolled(issued.name) else SOON
+        state = "revoked" if issued.revoked else "ended" if left <= 0 else "renew soon" if left < soon else "good"
         yield f"{issued.name:<24} {state:<10} {max(left, 0):6.1f} days  {' '.join(issued.hosts)}".rstrip()
 
 
@@ -70,7 +71,11 @@ def _renew(authority: Authority, settings: PkiSettings) -> Iterator[str]:
     names = (
         [settings.name]
         if settings.name
-        else [each.name for each in authority.all() if each.until <= until and not each.revoked]
+        else [
+            each.name
+            for each in authority.all()
+            if each.until <= until and not each.revoked and not Invitations(authority).has_enrolled(each.name)
+        ]
     )
     for name in names:
         yield f"{authority.renew(name, settings.days)}: renewed"

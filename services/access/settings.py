@@ -60,8 +60,9 @@ class PkiSettings(BaseModel):
 
     `init` makes the authority, `issue` a certificate and its key for one robot, worker, monitor or tool, named as
     fleet.yaml names it (see `fleetsight access`). `list` says how many days each is good for, `renew` makes one anew
-    with the same key, or all that end soon, and `revoke` deletes the key and keeps the name from being used again.
-    Files are in --folder: ca.pem goes to every machine, r1.pem and r1.key to r1 alone, ca.key nowhere.
+    with the same key, or all that end soon and whose machines do not renew them, and `revoke` deletes the key and keeps
+    the name from being used again. Files are in --folder: ca.pem goes to every machine, r1.pem and r1.key to r1 alone,
+    ca.key nowhere.
 
     So that no key is copied, `invite` prints a token, which lets one machine enrol once, and the command to run there:
     `enrol` makes the key, and gets a certificate from `serve`, which runs at the authority. `enrol --renew` gets a new

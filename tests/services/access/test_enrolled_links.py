@@ -87,17 +87,17 @@ async def test_from_an_invitation_to_a_link(central: Path, server: Log, tmp_path
     at = server.wait_for("machines may enrol at").split()[-1]
     robot = tmp_path / "robot"
     robot.mkdir()
-    said = run(central, "pki", "invite", "r4", "--at", at, "--fleet", "fleet.yaml")
+    said = run(central, "pki", "invite", "r4", "--at", at, "--fleet", "fleet.yaml", "--days", "7")
     assert "no rights" not in said
     printed = re.search(r"^fleetsight (pki enrol .*)$", said, re.MULTILINE)
     assert printed is not None
     told = run(robot, *shlex.split(printed[1]))
     assert f"tls: {robot}/tls/r4\n" in told
-    assert "r4 enrolled from 127.0.0.1, for 90 days" in server.wait_for("r4 enrolled")
+    assert "r4 enrolled from 127.0.0.1, for 7 days" in server.wait_for("r4 enrolled")
     assert "the token was used at" in run(robot, *shlex.split(printed[1]), "--into", "more", code=2)
 
-    listed = run(central, "pki", "list")
-    assert re.search(r"^r4 +good", listed, re.MULTILINE)
+    assert re.search(r"^r4 +good +7.0 days", run(central, "pki", "list"), re.MULTILINE)
+    assert run(central, "pki", "renew") == "none ends within 30 days\n"  # it renews itself
     again = re.search(r"renew it once a day: fleetsight (.*)$", told, re.MULTILINE)
     assert again is not None
     assert "nothing to do before the last third" in run(robot, *shlex.split(again[1]))

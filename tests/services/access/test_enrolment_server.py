@@ -137,13 +137,32 @@ async def test_too_many_connections_are_closed(
     assert await asyncio.wait_for(reader.read(), 60) == b""
     writer.close()
     assert "too many connections, closed one from 127.0.0.1" in caplog.text
-    with pytest.raises(EnrolmentError, match="it closed the connection; it may be busy"):
+    with pytest.raises(EnrolmentError, match="it closed the connection; try again"):
         await served.enrol(served.invite("r4"), tmp_path / "tls")
     caplog.set_level("INFO")
     for _, writer in silent:
         writer.close()
     await until(lambda: caplog.text.count("nothing came of a connection") == 2)
     await served.enrol(served.invite("r4"), tmp_path / "tls")
+
+
+async def test_the_server_s_own_certificate_is_made_anew(served: Serving, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(enrolment_server, "OWN_RENEWED_S", 0.01)
+    seen = set[bytes]()
+    async with serving(served.authority) as often:
+        while len(seen) < 3:
+            _, writer = await often.connect_tls()
+            seen.add(writer.get_extra_info("ssl_object").getpeercert(binary_form=True))
+            writer.close()
+
+
+async def test_it_ends_while_somebody_is_connected(served: Serving) -> None:
+    async with serving(served.authority) as ending:
+        silent, talking = await ending.connect(), await ending.connect_tls()
+        talking[1].write(message(b"{", size=100))
+    for reader, writer in (silent, talking):
+        assert await asyncio.wait_for(reader.read(), 5) == b""
+        writer.close()
 
 
 async def test_who_guesses_waits(served: Serving, tmp_path: Path) -> None:
