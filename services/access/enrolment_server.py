@@ -116,22 +116,22 @@ class EnrolmentServer:
     async def _answer(self, connected: socket.socket, address: str) -> None:
         try:
             async with asyncio.timeout(CONNECTION_S), _tls_stream(connected, self._tls) as (reader, writer):
-                await self._converse(reader, writer, address)
+                await self._respond(reader, writer, address)
         except (OSError, TimeoutError, h11.RemoteProtocolError) as error:  # OSError: also what TLS says
-            log.info("nothing came of a connection from %s: %s", address, str(error) or type(error).__name__)
+            log.info("a connection from %s failed: %s", address, str(error) or type(error).__name__)
         except Exception:
             log.exception("a request from %s failed", address)
         finally:
             self._connections[address] -= 1
             self._connections += Counter()  # forgets addresses without any
 
-    async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, address: str) -> None:
+    async def _respond(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, address: str) -> None:
         http = h11.Connection(h11.SERVER, max_incomplete_event_size=protocol.MAX_BYTES)
         answer: msgspec.Struct
         try:
             request, body = await _read(http, reader)
             presented = writer.get_extra_info("ssl_object").getpeercert(binary_form=True)
-            answer = await self._done(request, body, presented, address)
+            answer = await self._handle(request, body, presented, address)
             status = 200
         except RefusedError as refused:
             log.warning("refused %s: %s", address, refused)
@@ -144,7 +144,7 @@ class EnrolmentServer:
             writer.write(http.send(event) or b"")
         await writer.drain()
 
-    async def _done(
+    async def _handle(
         self, request: h11.Request, body: bytes, presented: bytes | None, address: str
     ) -> protocol.Authority | protocol.Enrolled:
         if self._refused.too_many(address, time.monotonic()):

@@ -4,7 +4,7 @@ They are files in the authority's folder. Of secrets only hashes are kept, witho
 """
 
 import secrets
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from hmac import compare_digest
 from pathlib import Path
@@ -89,6 +89,13 @@ class Invitations:
         """Return whether the machine of this name has enrolled, so that it renews its certificate itself."""
         found = self._read(name)
         return found is not None and found.used is not None
+
+    def pending(self, now: datetime) -> Iterator[tuple[str, datetime]]:
+        """Yield the names whose tokens can still be used, and until when."""
+        for file in sorted(self._folder.glob("*.json")):
+            found = self._read(file.stem)
+            if found is not None and found.used is None and found.until > now:
+                yield file.stem, found.until
 
     def withdraw(self, name: str) -> bool:
         """Forget the invitation of a name; return whether it could still have been used."""

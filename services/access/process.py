@@ -22,6 +22,7 @@ from services.access.settings import AccessSettings, PkiSettings
 log = logging.getLogger(__name__)
 
 DAY: Final = timedelta(days=1)
+HOUR: Final = timedelta(hours=1)
 SOON: Final = 14
 """Days before its end at which a certificate is marked; one that its machine renews, once that is overdue."""
 
@@ -64,6 +65,9 @@ def _list(authority: Authority, _: PkiSettings) -> Iterator[str]:
         soon = issued.days * LAST_PART if Invitations(authority).has_enrolled(issued.name) else SOON
         state = "revoked" if issued.revoked else "ended" if left <= 0 else "renew soon" if left < soon else "good"
         yield f"{issued.name:<24} {state:<10} {max(left, 0):6.1f} days  {' '.join(issued.hosts)}".rstrip()
+    now = datetime.now(UTC)
+    for name, until in Invitations(authority).pending(now):
+        yield f"{name:<24} {'invited':<10} {(until - now) / HOUR:6.1f} hours"
 
 
 def _renew(authority: Authority, settings: PkiSettings) -> Iterator[str]:

@@ -94,7 +94,7 @@ class PkiSettings(BaseModel):
         Field(description=f"host:port of `serve`, at which it listens (by default 0.0.0.0:{PORT}) and machines enrol"),
     ] = None
     fleet: Annotated[
-        File | None, Field(description="fleet.yaml: whom it denies is not invited, enrolled or renewed")
+        File | None, Field(description="fleet.yaml, whose denied names are not invited, enrolled or renewed")
     ] = None
     hours: Annotated[float, Field(gt=0, le=720, description="hours for which an invitation is good")] = 1
     replace: Annotated[

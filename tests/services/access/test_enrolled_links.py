@@ -1,5 +1,6 @@
 """A machine that has enrolled by the commands, and what it got opens real links."""
 
+import asyncio
 import os
 import re
 import shlex
@@ -9,11 +10,15 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
 from bus import QUEUE, BusSettings, QoS, open_bus
+from bus.session import session
+from services.access.enrolment_client import Files, renew
+from services.access.enrolment_protocol import parse_address
 from tests.bus.sessions import LEASE_S
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import next_of, until
@@ -83,7 +88,11 @@ def server(central: Path) -> Iterator[Log]:
             log.close()
 
 
-async def test_from_an_invitation_to_a_link(central: Path, server: Log, tmp_path: Path) -> None:
+async def test_from_an_invitation_to_a_link(
+    central: Path, server: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(session, "LOOKED_AT_S", 0.1)
+    caplog.set_level("INFO", "bus.session.session")
     at = server.wait_for("machines may enrol at").split()[-1]
     robot = tmp_path / "robot"
     robot.mkdir()
@@ -118,6 +127,15 @@ async def test_from_an_invitation_to_a_link(central: Path, server: Log, tmp_path
         sample = await next_of(heard)
         assert (sample.key, sample.payload) == ("fleet/r4/text/hello", b"hello")
 
+        files, later = Files(robot / "tls", "r4"), datetime.now(UTC) + timedelta(days=6)
+        assert await asyncio.to_thread(renew, "r4", parse_address(at), files, now=later) is not None
+        await until(lambda: "opening a new session: certificates or access rules have changed" in caplog.text)
+        async with bus.publisher("fleet/r4/text/hello", QoS.RESULT) as renewed:
+            while heard.counts.received < 2:  # messages sent while there is no link are lost
+                renewed.put(b"renewed")
+                await asyncio.sleep(0.1)
+        assert (await next_of(heard)).payload == b"renewed"
+
 
 def test_an_invitation_says_where_rights_are_missing(central: Path) -> None:
     said = run(central, "pki", "invite", "cart", "--fleet", "fleet.yaml")
@@ -128,6 +146,7 @@ def test_an_invitation_says_where_rights_are_missing(central: Path) -> None:
 
 def test_an_invitation_alone_can_be_withdrawn(central: Path) -> None:
     run(central, "pki", "invite", "r4")
+    assert "r4                       invited       1.0 hours\n" in run(central, "pki", "list")
     assert run(central, "pki", "revoke", "r4") == "r4: its invitation is withdrawn\n"
     assert "there is no certificate of r4" in run(central, "pki", "revoke", "r4", code=2)
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import shutil
 import stat
 from collections.abc import AsyncIterator
 from datetime import timedelta
@@ -11,6 +12,7 @@ import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
+from services.access import certificates
 from services.access.authority import Authority, AuthorityError
 from services.access.certificates import common_name_of, hosts_of, public_bytes
 from services.access.enrolment_client import EnrolmentError
@@ -154,6 +156,24 @@ async def test_a_renewed_certificate_has_the_same_key(served: Serving, tmp_path:
     assert (folder / "r4.key").read_bytes() == key
     assert (folder / "ca.pem").read_bytes() == (tmp_path / "pki/ca.pem").read_bytes() != authority
     assert await served.renew("r4", folder) is not None
+
+
+async def test_a_certificate_whose_key_was_copied_is_renewed_too(served: Serving, tmp_path: Path) -> None:
+    made = served.authority.issue("r1", ["10.0.0.7"], 7)
+    (tmp_path / "tls").mkdir()
+    for file in (made, made.with_suffix(".key"), made.with_name("ca.pem")):
+        shutil.copy(file, tmp_path / "tls")
+    renewed = await served.renew("r1", tmp_path / "tls")
+    assert renewed is not None
+    assert hosts_of(renewed) == ("r1", "localhost", "127.0.0.1", "10.0.0.7")
+
+
+async def test_a_clock_that_is_behind_is_told(served: Serving, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    token = served.invite("r4")
+    monkeypatch.setattr(certificates, "EARLIER", timedelta(hours=-1))
+    async with serving(served.authority) as ahead:
+        with pytest.raises(EnrolmentError, match=r"not yet valid; check --at, and this machine's clock"):
+            await ahead.enrol(token, tmp_path / "tls")
 
 
 async def test_renewal_is_refused(served: Serving, tmp_path: Path) -> None:
