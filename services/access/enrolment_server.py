@@ -118,7 +118,7 @@ class EnrolmentServer:
             async with asyncio.timeout(CONNECTION_S), _tls_stream(connected, self._tls) as (reader, writer):
                 await self._respond(reader, writer, address)
         except (OSError, TimeoutError, h11.RemoteProtocolError) as error:  # OSError: also what TLS says
-            log.info("a connection from %s failed: %s", address, str(error) or type(error).__name__)
+            log.warning("a connection from %s failed: %s", address, str(error) or type(error).__name__)
         except Exception:
             log.exception("a request from %s failed", address)
         finally:
@@ -159,6 +159,9 @@ class EnrolmentServer:
                     return await asyncio.to_thread(self._renew, presented, address)
         except (InvitationError, AuthorityError) as error:
             raise RefusedError(403, str(error)) from error
+        except OSError as error:
+            log.error("%s: %s", error.filename, error.strerror)  # noqa: TRY400 - the trace says no more
+            raise RefusedError(503, "the authority cannot use its files; its log says why") from error
         raise RefusedError(404, "this is for `fleetsight pki enrol` alone")
 
     def _enrol(self, body: bytes, address: str) -> protocol.Enrolled:

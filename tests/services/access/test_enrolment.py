@@ -122,6 +122,16 @@ def test_nobody_gets_the_server_s_name(tmp_path: Path, host: str) -> None:
             authority.issue(name, hosts, 1)
 
 
+async def test_an_authority_that_cannot_write_says_so(
+    served: Serving, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "pki/.r4.pem").mkdir()
+    with pytest.raises(EnrolmentError, match="refuses: the authority cannot use its files; its log says why"):
+        await served.enrol(served.invite("r4"), tmp_path / "tls")
+    assert f"{tmp_path}/pki/.r4.pem: Is a directory" in caplog.text
+    assert not list((tmp_path / "tls").iterdir())
+
+
 async def test_files_that_are_there_stay(served: Serving, tmp_path: Path) -> None:
     await served.enrol(served.invite("r4"), tmp_path / "tls")
     before = {file: file.read_bytes() for file in (tmp_path / "tls").iterdir()}
