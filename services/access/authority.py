@@ -1,25 +1,36 @@
 """A fleet's certificate authority: a folder with its key, and a certificate and a key for each name."""
 
+import fcntl
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
-from ipaddress import ip_address
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
-from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from services.access.certificates import (
+    common_name_of,
+    days_of,
+    fingerprint_of,
+    hosts_of,
+    new_key,
+    pem_of_key,
+    public_bytes,
+    sign,
+    sign_own,
+    write,
+)
+from services.access.enrolment_protocol import SERVER_NAME
 
 AUTHORITY: Final = "ca"
 """Name of the authority's own files."""
 
 AUTHORITY_DAYS: Final = 3_650
-EARLIER: Final = timedelta(minutes=10)
-"""Certificates are good from before they are made, for machines whose clocks are behind."""
-
 HERE: Final = ("localhost", "127.0.0.1")
 """What runs on a machine itself, such as the doctor, connects to these."""
 
@@ -32,10 +43,11 @@ class AuthorityError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Issued:
-    """A certificate. hosts: names and addresses at which others connect to it."""
+    """A certificate. days: for which it was given. hosts: names and addresses at which others connect to it."""
 
     name: str
     until: datetime
+    days: float
     hosts: tuple[str, ...]
     revoked: bool = False
 
@@ -55,8 +67,8 @@ class Authority:
         if self._key(AUTHORITY).exists():
             raise AuthorityError(f"{self._key(AUTHORITY)} is there: a second authority would not know its certificates")
         self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        key = ec.generate_private_key(ec.SECP256R1())
-        _write(self._key(AUTHORITY), _pem_of_key(key), mode=0o600)
+        key = new_key()
+        write(self._key(AUTHORITY), pem_of_key(key), mode=0o600)
         return self._sign_itself(key)
 
     def issue(self, name: str, hosts: Sequence[str], days: float) -> Path:
@@ -65,18 +77,46 @@ class Authority:
         Raises:
             AuthorityError: there is one of this name, or was one that is revoked and has not ended.
         """
+        with locked(self.folder):
+            self.check_free(name, hosts)
+            key = new_key()
+            signed = self._sign(name, key.public_key(), hosts, days)
+            write(self._key(name), pem_of_key(key), mode=0o600)
+            return write(self._certificate(name), signed)
+
+    def admit(
+        self, name: str, key: ec.EllipticCurvePublicKey, hosts: Sequence[str], days: float, *, replace: bool
+    ) -> bytes:
+        """Make a certificate for a machine that has a key of its own, and return it as PEM.
+
+        replace: also where there is one of this name; a key of it that is in the folder is deleted.
+
+        Raises:
+            AuthorityError: there is one of this name, or was one that is revoked and has not ended.
+        """
+        with locked(self.folder):
+            self.check_free(name, hosts, replace=replace)
+            signed = self._sign(name, key, hosts, days)
+            write(self._certificate(name), signed)
+            self._key(name).unlink(missing_ok=True)
+            return signed
+
+    def check_free(self, name: str, hosts: Sequence[str] = (), *, replace: bool = False) -> None:
+        """Check that a name and hosts may be given; replace: also where there is a certificate of this name.
+
+        Raises:
+            AuthorityError: they may not.
+        """
         if name == AUTHORITY:
             raise AuthorityError(f"{AUTHORITY} is the authority's own name; give another one")
-        if self._certificate(name).exists():
+        if taken := [host for host in (name, *hosts) if host.rstrip(".").lower() == SERVER_NAME]:
+            raise AuthorityError(f"{taken[0]} is the name of `fleetsight pki serve`; give another one")
+        if self._certificate(name).exists() and not replace:
             raise AuthorityError(f"there is a certificate of {name}: renew it, or revoke it and choose another name")
         if (gone := self._revoked(name)) is not None and gone.until > datetime.now(UTC):
             raise AuthorityError(
                 f"{name} is revoked, and that certificate is good until {gone.until:%Y-%m-%d}: choose another name"
             )
-        key = ec.generate_private_key(ec.SECP256R1())
-        signed = self._sign(name, key.public_key(), tuple(dict.fromkeys((name, *HERE, *hosts))), days)
-        _write(self._key(name), _pem_of_key(key), mode=0o600)
-        return _write(self._certificate(name), signed)
 
     def renew(self, name: str, days: float) -> Path:
         """Make a certificate anew, with the same key and for the same hosts; return its file. Also the authority's.
@@ -84,14 +124,37 @@ class Authority:
         Raises:
             AuthorityError: there is none of this name.
         """
-        if name == AUTHORITY:
-            return self._sign_itself(self._private_key())
-        old = _read(self._certificate(name))
+        with locked(self.folder):
+            if name == AUTHORITY:
+                return self._sign_itself(self._private_key())
+            old = _read(self._certificate(name))
+            return write(self._certificate(name), self._signed_again(name, old, days))
+
+    def renew_own(self, presented: x509.Certificate) -> tuple[str, bytes]:
+        """Renew the certificate that a machine connects with; return its name, and as PEM a new one for as many days.
+
+        Raises:
+            AuthorityError: it is revoked, forgotten, or has another key than the newest of its name.
+        """
+        name = common_name_of(presented.subject)
+        cure = f"`fleetsight pki invite {name} --replace` at the authority lets this one enrol again"
+        with locked(self.folder):
+            if not self._certificate(name).exists() or name == AUTHORITY:
+                if self._revoked_file(name).exists():
+                    raise AuthorityError(f"{name} is revoked: this machine needs an invitation under another name")
+                raise AuthorityError(f"the authority has no certificate of {name}: {cure}")
+            newest = _read(self._certificate(name))
+            if public_bytes(newest.public_key()) != public_bytes(presented.public_key()):
+                raise AuthorityError(f"another machine has enrolled as {name} since: {cure}")
+            signed = self._signed_again(name, newest, days_of(presented))
+            write(self._certificate(name), signed)
+            return name, signed
+
+    def _signed_again(self, name: str, old: x509.Certificate, days: float) -> bytes:
         key = old.public_key()
         if not isinstance(key, ec.EllipticCurvePublicKey):
             raise AuthorityError(f"{self._certificate(name)}: this is none that `fleetsight pki issue` makes")
-        signed = self._sign(name, key, _hosts_of(old), days)
-        return _write(self._certificate(name), signed)
+        return self._sign(name, key, hosts_of(old), days)
 
     def revoke(self, name: str) -> Issued:
         """Delete a key, and remember its certificate as revoked.
@@ -99,11 +162,12 @@ class Authority:
         Raises:
             AuthorityError: there is none of this name.
         """
-        issued = _issued(name, _read(self._certificate(name)), revoked=True)
-        self._revoked_file(name).parent.mkdir(exist_ok=True, mode=0o700)
-        self._certificate(name).replace(self._revoked_file(name))
-        self._key(name).unlink(missing_ok=True)
-        return issued
+        with locked(self.folder):
+            issued = _issued(name, _read(self._certificate(name)), revoked=True)
+            self._revoked_file(name).parent.mkdir(exist_ok=True, mode=0o700)
+            self._certificate(name).replace(self._revoked_file(name))
+            self._key(name).unlink(missing_ok=True)
+            return issued
 
     def all(self) -> Iterator[Issued]:
         """Yield the certificates, the authority's first, revoked ones last.
@@ -118,25 +182,30 @@ class Authority:
         for file in sorted((self.folder / REVOKED).glob("*.pem")):
             yield _issued(file.stem, _read(file), revoked=True)
 
-    def _sign_itself(self, key: ec.EllipticCurvePrivateKey) -> Path:
-        name = _name_of("fleetsight authority")
-        builder = _builder(name, name, key.public_key(), key.public_key(), AUTHORITY_DAYS)
-        builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-        builder = builder.add_extension(_usage(signs_certificates=True), critical=True)
-        return _write(self._certificate(AUTHORITY), _pem_of(builder.sign(key, hashes.SHA256())))
+    def certificate(self) -> x509.Certificate:
+        """Return the authority's certificate.
 
-    def _sign(self, name: str, key: ec.EllipticCurvePublicKey, hosts: Iterable[str], days: float) -> bytes:
-        authority, own = _read(self._certificate(AUTHORITY)), self._private_key()
-        builder = _builder(_name_of(name), authority.subject, key, own.public_key(), days)
-        both_ends = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
-        for extension, critical in (
-            (x509.BasicConstraints(ca=False, path_length=None), True),
-            (_usage(signs_certificates=False), True),
-            (x509.ExtendedKeyUsage(both_ends), False),
-            (x509.SubjectAlternativeName([_general_name(host) for host in hosts]), False),
-        ):
-            builder = builder.add_extension(extension, critical)
-        return _pem_of(builder.sign(own, hashes.SHA256()))
+        Raises:
+            AuthorityError: there is no authority in the folder.
+        """
+        return _read(self._certificate(AUTHORITY))
+
+    def fingerprint(self) -> str:
+        """Return what tells this authority from any other, for tokens."""
+        return fingerprint_of(self.certificate())
+
+    def certificate_of_server(self, days: float) -> tuple[bytes, bytes]:
+        """Return a certificate and a key as PEM, which are nowhere else, for SERVER_NAME, which no other one has."""
+        key, own = new_key(), self._private_key()
+        signed = sign(SERVER_NAME, key.public_key(), [SERVER_NAME], days, by=self.certificate(), own=own)
+        return signed, pem_of_key(key)
+
+    def _sign_itself(self, key: ec.EllipticCurvePrivateKey) -> Path:
+        return write(self._certificate(AUTHORITY), sign_own(key, AUTHORITY_DAYS))
+
+    def _sign(self, name: str, key: ec.EllipticCurvePublicKey, hosts: Sequence[str], days: float) -> bytes:
+        known = tuple(dict.fromkeys((name, *HERE, *hosts)))
+        return sign(name, key, known, days, by=self.certificate(), own=self._private_key())
 
     def _private_key(self) -> ec.EllipticCurvePrivateKey:
         file = self._key(AUTHORITY)
@@ -164,56 +233,9 @@ class Authority:
         return _issued(name, _read(file), revoked=True) if file.exists() else None
 
 
-def _builder(
-    name: x509.Name, by: x509.Name, key: ec.EllipticCurvePublicKey, signer: ec.EllipticCurvePublicKey, days: float
-) -> x509.CertificateBuilder:
-    now = datetime.now(UTC)
-    return (
-        x509.CertificateBuilder()
-        .subject_name(name)
-        .issuer_name(by)
-        .public_key(key)
-        .serial_number(x509.random_serial_number())
-        .not_valid_before(now - EARLIER)
-        .not_valid_after(now + timedelta(days=days))
-        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
-        .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(signer), critical=False)
-    )
-
-
-def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
-    return x509.KeyUsage(
-        digital_signature=not signs_certificates,
-        key_cert_sign=signs_certificates,
-        crl_sign=signs_certificates,
-        content_commitment=False,
-        key_encipherment=False,
-        data_encipherment=False,
-        key_agreement=False,
-        encipher_only=False,
-        decipher_only=False,
-    )
-
-
-def _name_of(name: str) -> x509.Name:
-    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-
-
-def _general_name(host: str) -> x509.GeneralName:
-    try:
-        return x509.IPAddress(ip_address(host))
-    except ValueError:
-        return x509.DNSName(host)
-
-
-def _hosts_of(certificate: x509.Certificate) -> tuple[str, ...]:
-    names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
-    return tuple(str(name.value) for name in names)
-
-
 def _issued(name: str, certificate: x509.Certificate, *, revoked: bool = False) -> Issued:
-    hosts = _hosts_of(certificate) if name != AUTHORITY else ()
-    return Issued(name, certificate.not_valid_after_utc, hosts, revoked)
+    hosts = hosts_of(certificate) if name != AUTHORITY else ()
+    return Issued(name, certificate.not_valid_after_utc, days_of(certificate), hosts, revoked)
 
 
 def _read(file: Path) -> x509.Certificate:
@@ -227,20 +249,19 @@ def _read(file: Path) -> x509.Certificate:
         raise AuthorityError(f"{file}: no certificate can be read from it") from error
 
 
-def _pem_of(certificate: x509.Certificate) -> bytes:
-    return certificate.public_bytes(serialization.Encoding.PEM)
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Let nobody else change a folder's certificates and invitations meanwhile, in this process or another.
 
-
-def _pem_of_key(key: ec.EllipticCurvePrivateKey) -> bytes:
-    return key.private_bytes(
-        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
-    )
-
-
-def _write(file: Path, content: bytes, mode: int = 0o644) -> Path:
-    """Write a file whole, or not at all: nobody else may ever read a key."""
-    new = file.with_name(f".{file.name}")
-    new.unlink(missing_ok=True)
-    with os.fdopen(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as opened:
-        opened.write(content)
-    return new.replace(file)
+    Raises:
+        AuthorityError: there is no such folder.
+    """
+    try:
+        opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except FileNotFoundError:
+        raise AuthorityError(f"there is no authority in {folder}: `fleetsight pki init` makes one") from None
+    try:
+        fcntl.flock(opened, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(opened)

@@ -2,6 +2,8 @@
 
 import asyncio
 import json
+import logging
+import socket
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
@@ -9,13 +11,20 @@ from pathlib import Path
 from typing import Final
 
 from services.access.authority import Authority, AuthorityError
+from services.access.enrolment_client import LAST_PART, EnrolmentError, Files, enrol, lines_of_enrolment, renew
+from services.access.enrolment_protocol import PORT, Token, parse_address
+from services.access.enrolment_server import EnrolmentServer
 from services.access.fleet_file import FleetFile, FleetFileError, read_fleet
+from services.access.invitations import Invitations
 from services.access.rules import access_control
 from services.access.settings import AccessSettings, PkiSettings
 
+log = logging.getLogger(__name__)
+
 DAY: Final = timedelta(days=1)
+HOUR: Final = timedelta(hours=1)
 SOON: Final = 14
-"""Days before its end at which a certificate is marked."""
+"""Days before its end at which a certificate is marked; one that its machine renews, once that is overdue."""
 
 
 class AccessError(Exception):
@@ -29,8 +38,11 @@ async def run_pki(settings: PkiSettings) -> None:
         AccessError: it cannot be done.
     """
     try:
+        if settings.task == "serve":
+            await _serve(Authority(settings.folder), settings)
+            return
         lines = await asyncio.to_thread(lambda: list(_TASKS[settings.task](Authority(settings.folder), settings)))
-    except AuthorityError as error:
+    except (AuthorityError, EnrolmentError) as error:
         raise AccessError(str(error)) from error
     except OSError as error:
         raise AccessError(f"{error.filename}: {error.strerror}") from error
@@ -50,8 +62,12 @@ def _issue(authority: Authority, settings: PkiSettings) -> Iterator[str]:
 def _list(authority: Authority, _: PkiSettings) -> Iterator[str]:
     for issued in authority.all():
         left = (issued.until - datetime.now(UTC)) / DAY
-        state = "revoked" if issued.revoked else "ended" if left <= 0 else "renew soon" if left < SOON else "good"
+        soon = issued.days * LAST_PART if Invitations(authority).has_enrolled(issued.name) else SOON
+        state = "revoked" if issued.revoked else "ended" if left <= 0 else "renew soon" if left < soon else "good"
         yield f"{issued.name:<24} {state:<10} {max(left, 0):6.1f} days  {' '.join(issued.hosts)}".rstrip()
+    now = datetime.now(UTC)
+    for name, until in Invitations(authority).pending(now):
+        yield f"{name:<24} {'invited':<10} {(until - now) / HOUR:6.1f} hours"
 
 
 def _renew(authority: Authority, settings: PkiSettings) -> Iterator[str]:
@@ -59,7 +75,11 @@ def _renew(authority: Authority, settings: PkiSettings) -> Iterator[str]:
     names = (
         [settings.name]
         if settings.name
-        else [each.name for each in authority.all() if each.until <= until and not each.revoked]
+        else [
+            each.name
+            for each in authority.all()
+            if each.until <= until and not each.revoked and not Invitations(authority).has_enrolled(each.name)
+        ]
     )
     for name in names:
         yield f"{authority.renew(name, settings.days)}: renewed"
@@ -68,9 +88,65 @@ def _renew(authority: Authority, settings: PkiSettings) -> Iterator[str]:
 
 
 def _revoke(authority: Authority, settings: PkiSettings) -> Iterator[str]:
+    if Invitations(authority).withdraw(settings.name):
+        yield f"{settings.name}: its invitation is withdrawn"
+        if all(issued.name != settings.name for issued in authority.all()):
+            return
     issued = authority.revoke(settings.name)
     yield f"{issued.name}: revoked; its certificate is good until {issued.until:%Y-%m-%d}, so routers must deny it:"
     yield f"fleetsight access fleet.yaml --folder {settings.folder} --to access.json"
+
+
+def _invite(authority: Authority, settings: PkiSettings) -> Iterator[str]:
+    name, rules = settings.name, f"fleetsight access fleet.yaml --folder {settings.folder} --to access.json"
+    fleet = None if settings.fleet is None else _read_fleet(settings.fleet)
+    if fleet is not None and name in fleet.denied_names():
+        raise AccessError(f"{name} is denied in {settings.fleet}: take it out of `denied`, or choose another name")
+    until = datetime.now(UTC) + timedelta(hours=settings.hours)
+    token = Invitations(authority).make(
+        name, until=until, hosts=settings.hosts, days=settings.days, replace=settings.replace
+    )
+    at = settings.at or f"{socket.gethostname()}:{PORT}"
+    yield f"On the machine of {name}, as the user that its services run as, until {until:%Y-%m-%d %H:%M} UTC:"
+    yield f"fleetsight pki enrol --at {at} --token {token}"
+    if fleet is None:
+        yield f"{name} may do what fleet.yaml says of it; where it is new there: {rules}"
+    elif name not in {*fleet.robot_names(), *fleet.roles}:
+        yield f"{name} is not in {settings.fleet}: it will have a certificate and no rights, until it is there and"
+        yield f"fleetsight access {settings.fleet} --folder {settings.folder} --to access.json"
+
+
+def _enrol(_: Authority, settings: PkiSettings) -> Iterator[str]:
+    at = settings.at or ""
+    address = parse_address(at)
+    if not settings.renew:
+        token = Token.parse(settings.token)
+        files = Files(settings.into, token.name)
+        yield from lines_of_enrolment(files, enrol(token, address, files), at)
+        return
+    files = Files(settings.into, settings.name)
+    made = renew(settings.name, address, files, now=datetime.now(UTC))
+    if made is None:
+        yield f"{files.certificate}: nothing to do before the last third of its days"
+    else:
+        yield f"{files.certificate}: renewed, until {made.not_valid_after_utc:%Y-%m-%d %H:%M} UTC"
+
+
+async def _serve(authority: Authority, settings: PkiSettings) -> None:
+    if settings.fleet is not None:
+        await asyncio.to_thread(_read_fleet, settings.fleet)
+    server = await asyncio.to_thread(EnrolmentServer, authority, settings.fleet)
+    host, port = parse_address(settings.at or f"0.0.0.0:{PORT}")
+    try:
+        found = await asyncio.get_running_loop().getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        family, _, _, _, address = found[0]
+        listening = socket.create_server(address[:2], family=family, backlog=64)
+    except OSError as error:
+        raise AccessError(f"at {host}:{port}: {error.strerror}") from error
+    with listening:
+        listening.settimeout(0)
+        log.info("machines may enrol at %s:%d", *listening.getsockname()[:2])
+        await server.serve(listening)
 
 
 _TASKS: Final[Mapping[str, Callable[[Authority, PkiSettings], Iterator[str]]]] = {
@@ -79,6 +155,8 @@ _TASKS: Final[Mapping[str, Callable[[Authority, PkiSettings], Iterator[str]]]] =
     "list": _list,
     "renew": _renew,
     "revoke": _revoke,
+    "invite": _invite,
+    "enrol": _enrol,
 }
 
 
@@ -94,17 +172,22 @@ async def run_access(settings: AccessSettings) -> None:
             sys.stdout.write(text)
         else:
             await asyncio.to_thread(_write, settings.to, text)
-    except FleetFileError as error:
-        raise AccessError(f"{settings.fleet}, {error}") from error
     except OSError as error:
         raise AccessError(f"{error.filename}: {error.strerror}") from error
 
 
 def _rules(settings: AccessSettings) -> str:
-    fleet = read_fleet(settings.fleet.read_text(encoding="utf-8"))
+    fleet = _read_fleet(settings.fleet)
     if settings.folder is not None:
         fleet = _without_revoked(fleet, settings.folder)
     return json.dumps(access_control(fleet), indent=1) + "\n"
+
+
+def _read_fleet(file: Path) -> FleetFile:
+    try:
+        return read_fleet(file.read_text(encoding="utf-8"))
+    except FleetFileError as error:
+        raise AccessError(f"{file}, {error}") from error
 
 
 def _without_revoked(fleet: FleetFile, folder: Path) -> FleetFile:

@@ -9,18 +9,23 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, model_val
 from bus.settings import File
 from schemas.errors import SchemaError
 from schemas.keys import NAME, check_name
+from services.access.enrolment_protocol import PORT, Token, parse_address
 from services.option_names import given_as_options
 
 TAKES: Final = {
     "init": (),
     "issue": ("name", "hosts", "days"),
+    "invite": ("name", "hosts", "days", "hours", "replace", "at", "fleet"),
+    "serve": ("at", "fleet"),
+    "enrol": ("name", "at", "token", "into", "renew"),
     "list": (),
     "renew": ("name", "days", "within_days"),
     "revoke": ("name",),
 }
 """Settings of each task, beside `folder`."""
 
-NEEDS_NAME: Final = ("issue", "revoke")
+NEEDS_NAME: Final = ("issue", "invite", "revoke")
+NO_FOLDER: Final = ("enrol",)
 
 
 def _name(name: str) -> str:
@@ -41,16 +46,33 @@ def _host(host: str) -> str:
     return host
 
 
+def _address(text: str) -> str:
+    parse_address(text)
+    return text
+
+
+def _token(text: str) -> str:
+    return str(Token.parse(text)) if text else text
+
+
 class PkiSettings(BaseModel):
     """Make and look after the certificates by which a fleet's machines know each other.
 
     `init` makes the authority, `issue` a certificate and its key for one robot, worker, monitor or tool, named as
     fleet.yaml names it (see `fleetsight access`). `list` says how many days each is good for, `renew` makes one anew
-    with the same key, or all that end soon, and `revoke` deletes the key and keeps the name from being used again.
-    Files are in --folder: ca.pem goes to every machine, r1.pem and r1.key to r1 alone, ca.key nowhere.
+    with the same key, or all that end soon and whose machines do not renew them, and `revoke` deletes the key and keeps
+    the name from being used again. Files are in --folder: ca.pem goes to every machine, r1.pem and r1.key to r1 alone,
+    ca.key nowhere.
+
+    So that no key is copied, `invite` prints a token, which lets one machine enrol once, and the command to run there:
+    `enrol` makes the key, and gets a certificate from `serve`, which runs at the authority. `enrol --renew` gets a new
+    one, with the one it has, in the last third of its days.
     """
 
-    task: Annotated[Literal["init", "issue", "list", "renew", "revoke"], Field(description="what to do")]
+    task: Annotated[
+        Literal["init", "issue", "list", "renew", "revoke", "invite", "serve", "enrol"],
+        Field(description="what to do"),
+    ]
     name: Annotated[
         str, AfterValidator(_name), Field(description="the certificate's name; also the second argument")
     ] = ""
@@ -66,11 +88,44 @@ class PkiSettings(BaseModel):
         float, Field(gt=0, le=825, description="without a name, renew those that end within so many days")
     ] = 30
 
+    at: Annotated[
+        str | None,
+        AfterValidator(lambda text: text if text is None else _address(text)),
+        Field(description=f"host:port of `serve`, at which it listens (by default 0.0.0.0:{PORT}) and machines enrol"),
+    ] = None
+    fleet: Annotated[
+        File | None, Field(description="fleet.yaml, whose denied names are not invited, enrolled or renewed")
+    ] = None
+    hours: Annotated[float, Field(gt=0, le=720, description="hours for which an invitation is good")] = 1
+    replace: Annotated[
+        bool, Field(description="invite a machine though there is a certificate of its name, whose key is lost")
+    ] = False
+    token: Annotated[
+        str, AfterValidator(_token), Field(description="what `invite` printed; not needed to renew", repr=False)
+    ] = ""
+    into: Annotated[Path, Field(description="folder for the files of the machine that enrols")] = Path("tls")
+    renew: Annotated[bool, Field(description="renew the certificate in --into, if it ends soon")] = False
+
+    @model_validator(mode="after")
+    def _enrols_somewhere(self) -> Self:
+        if self.task != "enrol":
+            return self
+        if self.at is None:
+            raise ValueError(f"enrol needs --at: where `fleetsight pki serve` runs, such as central:{PORT}")
+        if self.renew and not self.name:
+            raise ValueError("enrol --renew needs a name: fleetsight pki enrol r1 --renew")
+        if not self.renew and not self.token:
+            raise ValueError("enrol needs --token, which `fleetsight pki invite r1` at the authority prints")
+        if self.name and not self.renew and Token.parse(self.token).name != self.name:
+            raise ValueError(f"the token is for {Token.parse(self.token).name}, not for {self.name}")
+        return self
+
     @model_validator(mode="after")
     def _has_what_its_task_takes(self, info: ValidationInfo) -> Self:
         if self.task in NEEDS_NAME and not self.name:
             raise ValueError(f"{self.task} needs a name: fleetsight pki {self.task} r1")
-        if more := given_as_options(self, info) - {"task", "folder", *TAKES[self.task]}:
+        takes = {"task", *TAKES[self.task], *(() if self.task in NO_FOLDER else ("folder",))}
+        if more := given_as_options(self, info) - takes:
             raise ValueError(f"{self.task} takes no --{min(more).replace('_', '-')}")
         return self
 

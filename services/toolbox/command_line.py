@@ -78,7 +78,8 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
             positional=command.positional,
             examples=command.examples,
         )
-        logs.configure(loaded.log_level or command.log_level)
+        lasting = not command.ends(loaded.settings)
+        logs.configure(loaded.log_level or ("info" if lasting else command.log_level))
         return _run(command, loaded.settings)
     except ModuleNotFoundError as error:
         if command.extra is None or error.name is None or error.name.split(".")[0] in OURS:

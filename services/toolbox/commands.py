@@ -21,7 +21,8 @@ class Command:
     wrong once used. extra: what must be installed beyond the base. positional: settings that the first arguments are
     for where they are no options. arguments: a function that turns arguments of other kinds into options. log_level:
     least severe events written unless told otherwise. finite: it has an end of its own, instead of running until it is
-    told to stop; or the setting that gives it one. examples: whole command lines, for the help.
+    told to stop; or the setting that gives it one. lasting: the tasks of a finite one that have none. examples: whole
+    command lines, for the help.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Command:
     arguments: str | None = None
     log_level: LogLevel = "info"
     finite: bool | str = False
+    lasting: tuple[str, ...] = ()
     examples: tuple[str, ...] = ()
 
     def load_settings(self) -> type[BaseModel]:
@@ -51,6 +53,8 @@ class Command:
 
     def ends(self, settings: BaseModel) -> bool:
         """Return whether the command ends by itself with these settings."""
+        if self.lasting and getattr(settings, "task", None) in self.lasting:
+            return False
         return self.finite if isinstance(self.finite, bool) else getattr(settings, self.finite) is not None
 
     def load_run(self) -> Run:
@@ -234,7 +238,7 @@ COMMANDS: Final = (
     ),
     Command(
         "pki",
-        "make, list, renew and revoke the certificates by which a fleet's machines know each other",
+        "make, hand out, list, renew and revoke the certificates by which a fleet's machines know each other",
         "services.access.settings:PkiSettings",
         "services.access.process:run_pki",
         refusals=("services.access.process:AccessError",),
@@ -242,6 +246,7 @@ COMMANDS: Final = (
         positional=("task", "name"),
         log_level="error",
         finite=True,
+        lasting=("serve",),
         examples=(
             "fleetsight pki init",
             "fleetsight pki issue central --hosts 192.168.0.10",
@@ -249,6 +254,9 @@ COMMANDS: Final = (
             "fleetsight pki list",
             "fleetsight pki renew",
             "fleetsight pki revoke r17",
+            "fleetsight pki serve --folder pki --fleet fleet.yaml",
+            "fleetsight pki invite r4 --at central:7448 --days 7",
+            "fleetsight pki enrol r4 --renew --at central:7448 --into /etc/fleetsight/tls",
         ),
     ),
     Command(

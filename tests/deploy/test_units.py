@@ -22,7 +22,7 @@ def root(tmp_path: Path) -> Path:
     """A system that has the units, the program that they start, and what systemd brings with it."""
     units = tmp_path / SYSTEM.relative_to("/")
     units.mkdir(parents=True)
-    for unit in (*SYSTEM.glob("*.target"), *DEPLOY.glob("*.service")):
+    for unit in (*SYSTEM.glob("*.target"), *DEPLOY.glob("*.service"), *DEPLOY.glob("*.timer")):
         shutil.copy(unit, units)
     program = tmp_path / "opt/fleetsight/bin/fleetsight"
     program.parent.mkdir(parents=True)
@@ -30,13 +30,22 @@ def root(tmp_path: Path) -> Path:
     return tmp_path
 
 
-UNITS = ["gateway", "space@distance", "space@cloud", "monitor", "detector", "worldmodel"]
+UNITS = [
+    *("gateway", "space@distance", "space@cloud", "monitor", "detector", "worldmodel", "enrolment", "renew"),
+    "renew.timer",
+]
 
 
 @pytest.mark.parametrize("unit", UNITS)
 def test_systemd_has_nothing_to_say_against_the_units(root: Path, unit: str) -> None:
     require_debian("systemd", [ANALYZE], how="tests/install/ros.sh installs it")
-    command = [ANALYZE, "verify", "--man=no", f"--root={root}", f"fleetsight-{unit}.service"]
+    command = [
+        ANALYZE,
+        "verify",
+        "--man=no",
+        f"--root={root}",
+        f"fleetsight-{unit if '.' in unit else f'{unit}.service'}",
+    ]
     said = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (said.returncode, said.stdout, said.stderr) == (0, "", "")
 

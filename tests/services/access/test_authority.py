@@ -167,6 +167,15 @@ async def test_rules_deny_who_is_revoked(tmp_path: Path, capsys: pytest.CaptureF
         ({"task": "issue", "name": "a b"}, "certificate name 'a b'"),
         ({"task": "issue", "name": "r1", "hosts": ["a b"]}, "'a b' is neither a host's name nor an address"),
         ({"task": "issue", "name": "r1", "days": 900}, "less than or equal to 825"),
+        ({"task": "invite"}, "invite needs a name"),
+        ({"task": "serve", "at": "central:x"}, "'central:x' is no address; write it like central:7448"),
+        ({"task": "enrol", "token": "r4:x:y"}, "enrol needs --at"),
+        ({"task": "enrol", "at": "central"}, "enrol needs --token"),
+        ({"task": "enrol", "at": "central", "renew": True}, "enrol --renew needs a name"),
+        ({"task": "enrol", "at": "central", "token": "r4"}, "this is no token"),
+        ({"task": "enrol", "at": "central", "token": "r4:x:y", "name": "r5"}, "the token is for r4, not for r5"),
+        ({"task": "enrol", "at": "central", "token": "r4:x:y", "days": 5}, "enrol takes no --days"),
+        ({"task": "enrol", "at": "central", "token": "r4:x:y", "folder": Path("x")}, "enrol takes no --folder"),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(given: dict[str, object], reason: str) -> None:
