@@ -11,7 +11,7 @@ MAX_ENTRIES = 26
 """In one folder, `__init__.py` included."""
 
 MAX_LINES = 350
-MAX_FILES = 550
+MAX_FILES = 560
 MIN_MEDIAN_LINES = 100
 MAX_WITH_ONE_IMPORTER = 155
 
