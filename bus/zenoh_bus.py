@@ -81,7 +81,7 @@ class ZenohBus:
         self._loop = asyncio.get_running_loop()
         self._session = SessionThread(settings, links, prefix)
         self._tokens = OwnTokens(prefix, self._later)
-        self._caches = CacheServer(prefix, self._tokens, self._session.do)
+        self._caches = CacheServer(prefix, self._tokens)
         self._listed = ListedTokens(prefix)
         self._known_keys = KnownKeys(self._session.do) if settings.has_one_link else None
         self._shared_memory = settings.shared_memory

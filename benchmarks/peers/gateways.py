@@ -72,7 +72,7 @@ class Fleet:
         session = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings, prefix=prefix))))
         last: list[Callable[[], None]] = []
         tokens = OwnTokens(prefix, lambda _, call: last.append(call))
-        caches = CacheServer(prefix, tokens, _now)
+        caches = CacheServer(prefix, tokens)
         publisher = partial(self._publisher, caches)
         status = publisher(keys.gateway_status(robot), QoS.STATUS, codec.encoding(GatewayStatus))
         declarations: list[Declaration] = [

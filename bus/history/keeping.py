@@ -61,16 +61,17 @@ class CacheServer:
     """Answers queries for what the publishers of a session keep.
 
     prefix: the session's own one, under which all caches have one queryable; otherwise each has one. tokens: show that
-    a cache is there. submit: queues a call on the session's thread, where all methods are called, too.
+    a cache is there. All methods are called on the session's thread; queries are answered on Zenoh's, as by its own
+    caches: one that waits for other work would not be answered in time.
     """
 
     number_of = ""
     takes_another = False
 
-    def __init__(self, prefix: str, tokens: OwnTokens, submit: Callable[[Callable[[], None]], object]) -> None:
+    def __init__(self, prefix: str, tokens: OwnTokens) -> None:
         self._prefix = prefix
         self._tokens = tokens
-        self._submit = submit
+        self._lock = threading.Lock()
         self._session: zenoh.Session | None = None
         self._queryables: dict[str, zenoh.Queryable[None]] = {}
         self._kept: dict[str, KeptMessages] = {}
@@ -85,7 +86,8 @@ class CacheServer:
         """Forget the session."""
         queryables, self._queryables = self._queryables, {}
         self._session = None
-        self._kept.clear()
+        with self._lock:
+            self._kept.clear()
         for queryable in queryables.values():
             queryable.undeclare()
 
@@ -97,12 +99,14 @@ class CacheServer:
         cache = cache_key(kept.key, str(session.zid()), kept.publisher)
         if not self._has_one_for(cache):
             self._answer(session, cache)
-        self._kept[cache] = kept
-        return partial(self._remove, cache, self._tokens.show(cache))
+        with self._lock:
+            self._kept[cache] = kept
+        return partial(self._remove, cache, self._tokens.show(cache, at_once=True))
 
     def _remove(self, cache: str, withdraw: Callable[[], None]) -> None:
         withdraw()
-        self._kept.pop(cache, None)
+        with self._lock:
+            self._kept.pop(cache, None)
         if (queryable := self._queryables.pop(cache, None)) is not None:
             queryable.undeclare()
 
@@ -114,9 +118,6 @@ class CacheServer:
         self._queryables[key_expr] = session.declare_queryable(key_expr, Callback(on_query, indirect=False))
 
     def _on_query(self, own: zenoh.KeyExpr, query: zenoh.Query) -> None:
-        self._submit(partial(self._reply, own, query))
-
-    def _reply(self, own: zenoh.KeyExpr, query: zenoh.Query) -> None:
         """Reply with what is asked for of one queryable, and finish the query."""
         try:
             with panics_are_errors():
@@ -129,7 +130,9 @@ class CacheServer:
     def _reply_all(self, own: zenoh.KeyExpr, query: zenoh.Query) -> None:
         asked = query.key_expr
         numbers, most = _numbers(query.parameters.get("_sn")), _most(query.parameters.get("_max"))
-        for cache, kept in list(self._kept.items()):
+        with self._lock:
+            every = list(self._kept.items())
+        for cache, kept in every:
             if own.intersects(cache) and asked.intersects(cache):
                 for payload, attachment in kept.of(numbers, most):
                     query.reply(kept.key, payload, encoding=kept.encoding, attachment=attachment)

@@ -1,5 +1,6 @@
 """Watches of presence tokens, and those tokens that others show in lists."""
 
+import logging
 import threading
 from asyncio import AbstractEventLoop
 from collections import Counter
@@ -14,9 +15,11 @@ from zenoh.handlers import Callback
 from bus.delivery.batching import taking
 from bus.delivery.reading import PresenceReader
 from bus.keys import is_single_key
-from bus.presence.token_lists import listed_keys, lists_of
+from bus.presence.token_lists import MOST_READ, listed_keys, lists_of
 
 _PUT: Final = zenoh.SampleKind.PUT
+
+_log: Final = logging.getLogger(__name__)
 
 
 class TokenReader(Protocol):
@@ -91,7 +94,9 @@ class ZenohWatch(PresenceReader):
         self.tokens = key_expr
         self._listed = listed
         self._few = few
-        self._present: set[str] = set()
+        self._shown: set[str] = set()
+        self._in_lists: set[str] = set()
+        self._lock = threading.Lock()
         self._declared = ExitStack()
 
     def declare(self, session: zenoh.Session) -> None:
@@ -105,21 +110,29 @@ class ZenohWatch(PresenceReader):
         try:
             self._declared.close()
         finally:
-            for key in list(self._present):
+            with self._lock:
+                gone = self._shown | self._in_lists
+                self._shown.clear()
+                self._in_lists.clear()
+            for key in gone:
                 self.arrive(key, alive=False)
-            self._present.clear()
 
     def _on_changes(self, samples: Sequence[zenoh.Sample]) -> None:
         for sample in samples:
-            self.token(str(sample.key_expr), alive=sample.kind == zenoh.SampleKind.PUT)
+            self._note(self._shown, str(sample.key_expr), alive=sample.kind == _PUT)
 
     def token(self, key: str, *, alive: bool) -> None:
         """See `TokenReader`."""
-        (self._present.add if alive else self._present.discard)(key)
-        self.arrive(key, alive=alive)
+        self._note(self._in_lists, key, alive=alive)
 
     def all_listed(self) -> None:
         """See `TokenReader`."""
+
+    def _note(self, kind: set[str], key: str, *, alive: bool) -> None:
+        """Note a token that is shown, or is in lists; it is there as long as either."""
+        with self._lock:
+            (kind.add if alive else kind.discard)(key)
+            self.arrive(key, alive=key in self._shown or key in self._in_lists)
 
 
 class _Lists:
@@ -174,6 +187,9 @@ class _Lists:
 
     def _on_list(self, list_key: str, *, alive: bool) -> None:
         if alive == (list_key in self._lists):
+            return
+        if len(list_key) > MOST_READ:
+            _log.warning("left out: a list of %d characters of presence tokens: %s...", len(list_key), list_key[:80])
             return
         if alive:
             keys = self._lists[list_key] = list({key: None for key in listed_keys(list_key) if is_single_key(key)})

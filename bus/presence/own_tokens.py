@@ -12,6 +12,9 @@ import zenoh
 from bus.presence.token_lists import can_list, list_keys
 from bus.session.declaration import reason_of
 
+AGAIN_S: Final = 5.0
+"""Delay before a list that was refused is tried again."""
+
 TOGETHER_S: Final = 0.2
 """Shortest time between two changes of the lists: what comes and goes in between is one change."""
 
@@ -31,24 +34,36 @@ class OwnTokens:
         self._prefix = prefix
         self._later = later
         self._session: zenoh.Session | None = None
+        self._id = ""
         self._listed: Counter[str] = Counter()
+        self._expected: list[str] = []
         self._lists: dict[str, zenoh.LivelinessToken] = {}
+        self._shown: frozenset[str] = frozenset()
         self._changed_s = 0.0
         self._is_due = False
 
     def declare(self, session: zenoh.Session) -> None:
-        """Show tokens on this session from now on."""
+        """Show tokens on this session from now on.
+
+        What was listed on the last one is expected to be shown again and so listed at once: who follows publishers'
+        caches knows of them before anything comes live. A cache's key has its session's id.
+        """
+        before, self._id = self._id, str(session.zid())
+        self._expected = [key.replace(f"/{before}/", f"/{self._id}/") for key in self._listed]
         self._session = session
-        self._changed_s = 0.0
+        self._listed = Counter()
+        if self._expected:
+            self._change()
+            self._change_soon()
 
     def undeclare(self) -> None:
         """Forget the session; its tokens end with it."""
         self._session = None
-        self._listed.clear()
         self._lists.clear()
+        self._shown = frozenset()
 
-    def show(self, key: str) -> Callable[[], None]:
-        """Show a token, in a list a moment later; return what withdraws it.
+    def show(self, key: str, *, at_once: bool = False) -> Callable[[], None]:
+        """Show a token; return what withdraws it. at_once: also where that takes a list of its own for a moment.
 
         Raises:
             zenoh.ZError: it was refused.
@@ -58,7 +73,10 @@ class OwnTokens:
         if not can_list(self._prefix, key):
             return self._session.liveliness().declare_token(key).undeclare
         self._listed[key] += 1
-        self._change_soon()
+        if at_once and key not in self._shown:
+            self._change()
+        else:
+            self._change_soon()
         return partial(self._withdraw, self._session, key)
 
     def _withdraw(self, session: zenoh.Session, key: str) -> None:
@@ -70,23 +88,31 @@ class OwnTokens:
     def _change_soon(self) -> None:
         if not self._is_due:
             self._is_due = True
-            self._later(max(0.0, self._changed_s + TOGETHER_S - time.monotonic()), self._change)
+            self._later(max(0.0, self._changed_s + TOGETHER_S - time.monotonic()), self._change_now)
+
+    def _change_now(self) -> None:
+        self._is_due = False
+        self._expected = []
+        self._change()
 
     def _change(self) -> None:
         """Show the lists as they are now. New ones first, so that no token in both seems to vanish."""
-        self._is_due = False
         self._changed_s = time.monotonic()
         if self._session is None:
             return
-        wanted = set(list_keys(self._prefix, self._listed))
+        keys = sorted({*self._expected, *self._listed})
+        wanted = set(list_keys(self._prefix, keys))
         gone = [token for key, token in self._lists.items() if key not in wanted]
         for key in wanted - self._lists.keys():
             try:
                 self._lists[key] = self._session.liveliness().declare_token(key)
             except zenoh.ZError as error:
                 _log.error("a list of presence tokens was refused: %s", reason_of(error))
+                self._is_due = True
+                self._later(AGAIN_S, self._change_now)
                 return
         self._lists = {key: token for key, token in self._lists.items() if key in wanted}
+        self._shown = frozenset(keys)
         for token in gone:
             token.undeclare()
 

@@ -18,6 +18,9 @@ COMMA: Final = ","
 MOST_CHARACTERS: Final = 8_000
 """Longest list: further tokens are in another one. A key of Zenoh has at most 65,535 bytes."""
 
+MOST_READ: Final = 2 * MOST_CHARACTERS
+"""Longest list that is read, with its prefix: a longer one is nobody's of ours."""
+
 
 def can_list(prefix: str, key: str) -> bool:
     """Return whether a token can be in a list of this prefix; of none if it is empty."""

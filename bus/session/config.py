@@ -10,8 +10,11 @@ from bus.settings import BusSettings
 OPEN_TIMEOUT_MS: Final = 1_000
 """Longest duration of one attempt to connect that a session's opening waits for."""
 
-PATIENT_MS: Final = 5_000
-"""The same for attempts in the background, and for routers, to which a fleet comes all at once after a restart."""
+BACKGROUND_MS: Final = 1_500
+"""The same in the background: a router that is busy takes a while. Closing a session waits for it (Zenoh 1.10)."""
+
+ACCEPT_MS: Final = 5_000
+"""The same for who is connected to, as by a whole fleet after a router's restart."""
 
 MAX_BLOCKED_MS: Final = 1_000
 """Time for which a link may block a declaration before it counts as lost; shorter than the deadline for closing."""
@@ -89,8 +92,8 @@ def session_config(
         "timestamping": {"enabled": False},
         "transport": {
             "unicast": {
-                "open_timeout": OPEN_TIMEOUT_MS if settings.has_one_link else PATIENT_MS,
-                "accept_timeout": PATIENT_MS,
+                "open_timeout": OPEN_TIMEOUT_MS if settings.has_one_link else BACKGROUND_MS,
+                "accept_timeout": ACCEPT_MS,
                 "accept_pending": links,
                 "max_sessions": links,
             },

@@ -50,6 +50,8 @@ class RateRequest:
             while True:
                 self._changed.clear()
                 if publisher.wanted:
+                    if self.from_ns <= time.time_ns():
+                        self._wait_s = 0.0  # it was while nobody heard it
                     publisher.put(codec.encode(self._budget(frames, consumer)))
                     self._wait_s = 0.0
                 with suppress(TimeoutError):

@@ -131,7 +131,9 @@ class Authority:
             return write(self._certificate(name), self._signed_again(name, old, days))
 
     def renew_own(self, presented: x509.Certificate) -> tuple[str, bytes]:
-        """Renew the certificate that a machine connects with; return its name, and as PEM a new one for as many days.
+        """Renew the certificate that a machine connects with; return its name, and as PEM a new one.
+
+        It is for as many days, or as many as the newest of its name if those are fewer.
 
         Raises:
             AuthorityError: it is revoked, forgotten, or has another key than the newest of its name.
@@ -146,7 +148,7 @@ class Authority:
             newest = _read(self._certificate(name))
             if public_bytes(newest.public_key()) != public_bytes(presented.public_key()):
                 raise AuthorityError(f"another machine has enrolled as {name} since: {cure}")
-            signed = self._signed_again(name, newest, days_of(presented))
+            signed = self._signed_again(name, newest, min(days_of(presented), days_of(newest)))
             write(self._certificate(name), signed)
             return name, signed
 

@@ -19,6 +19,7 @@ from services.access.certificates import (
     fingerprint_of,
     name_of,
     new_key,
+    pem_of,
     pem_of_key,
     public_bytes,
     write,
@@ -62,10 +63,10 @@ def enrol(token: protocol.Token, address: tuple[str, int], files: Files) -> x509
         asked = protocol.EnrolRequest(token.name, token.secret, text)
         trusted = _authority_of(token, address)
         answer = _ask(address, _verified(trusted), protocol.ENROL_PATH, protocol.Enrolled, asked)
-        made = _checked(answer, token.name, public_bytes(key.public_key()), token.authority)
-        write(files.authority, answer.authority.encode())
+        made, known = _checked(answer, token.name, public_bytes(key.public_key()), token.authority)
+        write(files.authority, pem_of(known))
         pending.replace(files.key)
-        write(files.certificate, answer.certificate.encode())
+        write(files.certificate, pem_of(made))
     finally:
         pending.unlink(missing_ok=True)
     return made
@@ -98,10 +99,10 @@ def renew(name: str, address: tuple[str, int], files: Files, *, now: datetime) -
     except ssl.SSLError as error:
         raise EnrolmentError(f"{files.key}: no key of {files.certificate} can be read from it") from error
     answer = _ask(address, tls, protocol.RENEW_PATH, protocol.Enrolled)
-    made = _checked(answer, name, public_bytes(old.public_key()), fingerprint_of(authority))
-    if answer.authority.encode() != files.authority.read_bytes():
-        write(files.authority, answer.authority.encode())
-    write(files.certificate, answer.certificate.encode())
+    made, known = _checked(answer, name, public_bytes(old.public_key()), fingerprint_of(authority))
+    if pem_of(known) != files.authority.read_bytes():
+        write(files.authority, pem_of(known))
+    write(files.certificate, pem_of(made))
     return made
 
 
@@ -120,17 +121,17 @@ def _authority_of(token: protocol.Token, address: tuple[str, int]) -> str:
     unverified.verify_mode = ssl.CERT_NONE
     answer = _ask(address, unverified, protocol.AUTHORITY_PATH, protocol.Authority)
     try:
-        found = fingerprint_of(x509.load_pem_x509_certificate(answer.authority.encode()))
+        found = x509.load_pem_x509_certificate(answer.authority.encode())
     except ValueError as error:
         raise EnrolmentError(
             f"{_shown(address)} answers with no certificate: it is no `fleetsight pki serve`"
         ) from error
-    if found != token.authority:
+    if fingerprint_of(found) != token.authority:
         raise EnrolmentError(
             f"{_shown(address)} is another authority than the token's. Somebody may be in between, and nothing was "
             "sent; check --at, and that the token is whole"
         )
-    return answer.authority
+    return pem_of(found).decode()  # nothing else that came with it, such as another authority's
 
 
 def _verified(authority: str) -> ssl.SSLContext:
@@ -192,16 +193,22 @@ def _ask(
     raise EnrolmentError(f"{_shown(address)} refuses: {refusal.error}")
 
 
-def _checked(answer: protocol.Enrolled, name: str, key: bytes, authority: str) -> x509.Certificate:
-    """Return the certificate of an answer, if it is what was asked for."""
+def _checked(
+    answer: protocol.Enrolled, name: str, key: bytes, authority: str
+) -> tuple[x509.Certificate, x509.Certificate]:
+    """Return the certificate of an answer, if it is what was asked for, and its authority's."""
     try:
         made = x509.load_pem_x509_certificate(answer.certificate.encode())
-        known = fingerprint_of(x509.load_pem_x509_certificate(answer.authority.encode()))
-    except ValueError as error:
-        raise EnrolmentError("the answer holds no certificate; run the same version at both ends") from error
-    if common_name_of(made.subject) != name or public_bytes(made.public_key()) != key or known != authority:
+        known = x509.load_pem_x509_certificate(answer.authority.encode())
+        made.verify_directly_issued_by(known)
+    except (ValueError, TypeError, InvalidSignature) as error:
+        raise EnrolmentError(
+            "the answer holds no certificate of its authority; run the same version at both ends"
+        ) from error
+    right = common_name_of(made.subject) == name and public_bytes(made.public_key()) == key
+    if not right or fingerprint_of(known) != authority:
         raise EnrolmentError(f"the certificate that came is not for {name} and its key; nothing was written")
-    return made
+    return made, known
 
 
 def _read(file: Path) -> x509.Certificate:

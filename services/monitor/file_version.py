@@ -20,14 +20,26 @@ class FileVersion:
         Raises:
             OSError: the file is not there or may not be looked at.
         """
-        found = path.stat()
-        stamp = (found.st_mtime_ns, found.st_size, found.st_ino)
+        stamp = _stamp_of(path)
         before, self._seen = self._seen, stamp
         if stamp == self._read or (settled and stamp != before):
             return False
         self._read = stamp
         return True
 
+    def take(self, path: Path) -> None:
+        """Take a version as read.
+
+        Raises:
+            OSError: the file is not there or may not be looked at.
+        """
+        self._seen = self._read = _stamp_of(path)
+
     def forget(self) -> None:
         """Read whatever is there next time: the last version could not be used, or was not there."""
         self._seen = self._read = None
+
+
+def _stamp_of(path: Path) -> _Stamp:
+    found = path.stat()
+    return found.st_mtime_ns, found.st_size, found.st_ino

@@ -116,6 +116,7 @@ class Site:
         if saved_state:
             try:
                 prefix, self._last = restored(name, saved_state, self.model)
+                self.model.set_back(time.time_ns())  # its clock may have been ahead
             except StateError as error:
                 log.warning("site %s: begun anew: %s", name, error)
         self._inventory = Inventory(name, prefix, self.model)

@@ -125,6 +125,38 @@ async def test_what_is_in_two_lists_is_there_until_it_is_in_neither() -> None:
             other.undeclare()
 
 
+async def test_a_token_that_is_in_a_list_and_shown_by_itself_is_there_until_it_is_neither() -> None:
+    endpoint = free_endpoint()
+    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
+    async with open_bus(router(endpoint)), open_bus(client(endpoint)) as here, here.watch("fleet/*/**") as watch:
+        with zenoh.open(config) as outside:
+            listed = outside.liveliness().declare_token("fleet/r2/@alive/x")
+            assert await next_of(watch) == Presence("fleet/r2/x", alive=True)
+            direct = outside.liveliness().declare_token("fleet/r2/x")
+            other = outside.liveliness().declare_token("fleet/r2/y")
+            assert await next_of(watch) == Presence("fleet/r2/y", alive=True)
+            direct.undeclare()
+            other.undeclare()
+            assert await next_of(watch) == Presence("fleet/r2/y", alive=False)
+            listed.undeclare()
+            assert await next_of(watch) == Presence("fleet/r2/x", alive=False)
+
+
+async def test_a_list_that_is_longer_than_any_of_ours_is_left_out(caplog: pytest.LogCaptureFixture) -> None:
+    endpoint = free_endpoint()
+    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
+    async with open_bus(router(endpoint)), open_bus(client(endpoint)) as here, here.watch("fleet/*/**") as watch:
+        with zenoh.open(config) as outside:
+            names = ",".join(f"n{number}" for number in range(5_000))
+            endless = outside.liveliness().declare_token(f"fleet/r2/@alive/{names}")
+            other = outside.liveliness().declare_token("fleet/r2/@alive/y")
+            assert await next_of(watch) == Presence("fleet/r2/y", alive=True)
+            endless.undeclare()
+            other.undeclare()
+            assert await next_of(watch) == Presence("fleet/r2/y", alive=False)
+    assert f"left out: a list of {len(names) + 16} characters" in caplog.text
+
+
 async def test_a_late_watch_and_a_late_subscription_share_what_is_known() -> None:
     endpoint = free_endpoint()
     async with (

@@ -138,6 +138,7 @@ class Consumers:
         self._near = near
         self._steady_s = steady_s
         self._here_until_s: dict[SensorKey, float] = {}
+        self._elsewhere_until_s: dict[SensorKey, float] = {}
         self._known: dict[SensorKey, set[Wanted]] = {}
         self._count = 0
         self._budgets = Budgets()
@@ -154,7 +155,9 @@ class Consumers:
         """Return whether the stream has, or had a moment ago, announced consumers, and all of them on this machine."""
         known = self._known.get(key)
         if not known:
-            return self._near and self._steady_s() < self._here_until_s.get(key, 0.0)
+            now_s = self._steady_s()
+            elsewhere = now_s < self._elsewhere_until_s.get(key, 0.0)
+            return self._near and not elsewhere and now_s < self._here_until_s.get(key, 0.0)
         return self._near and all(each.clock_id == self._clock_id for each in known)
 
     def note(self, presence: Presence) -> None:
@@ -172,17 +175,18 @@ class Consumers:
         elif self._count < MAX_CONSUMERS:
             known.add(wanted)
         self._count += len(known) - before
+        if len(known) < before:
+            here = wanted.clock_id == self._clock_id
+            self._remember(wanted.key, self._here_until_s if here else self._elsewhere_until_s)
         if not known:
             del self._known[wanted.key]
-            if before and wanted.clock_id == self._clock_id:
-                self._remember(wanted.key, self._steady_s())
-            else:
-                self._here_until_s.pop(wanted.key, None)
 
-    def _remember(self, key: SensorKey, now_s: float) -> None:
-        """Note that the last consumer of a stream has gone, and was on this machine."""
-        self._here_until_s = {of: until_s for of, until_s in self._here_until_s.items() if until_s > now_s}
-        self._here_until_s[key] = now_s + HERE_AGAIN_S
+    def _remember(self, key: SensorKey, until_s: dict[SensorKey, float]) -> None:
+        """Note that a consumer of a stream has gone."""
+        now_s = self._steady_s()
+        for each in [each for each, end_s in until_s.items() if end_s <= now_s]:
+            del until_s[each]
+        until_s[key] = now_s + HERE_AGAIN_S
 
     def note_budget(self, sample: Sample) -> None:
         """Note the rate that a consumer can use."""

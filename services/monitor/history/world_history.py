@@ -107,6 +107,8 @@ class WorldHistory:
                 self._versions[name] = version
                 self._end_gone(name, {SITE, *(each.name for each in site.zones)}, at_ns)
                 for zone in (SITE, *(each.name for each in site.zones)):
+                    if zone != SITE and zone not in {each.name for each in site.zones}:
+                        continue  # it was removed meanwhile
                     self._note((name, zone), _levels(site.count(zone)) if current else {}, at_ns)
                     yield
 

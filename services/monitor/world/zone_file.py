@@ -13,7 +13,7 @@ from typing import Final
 
 from services.monitor.file_version import FileVersion
 from services.monitor.world.site_objects import World
-from services.monitor.world.zones import Zone, ZoneFileError, check_zones, load_zones
+from services.monitor.world.zones import Zone, ZoneFileError, check_zones, load_zones, parse_zones
 
 LOOK_S: Final = 0.5
 
@@ -121,15 +121,28 @@ class ZoneFile:
             raise ZoneFileError(NO_FILE)
         if self.problem:
             raise ZoneFileError(f"{self.problem}; mend the file first, as it would be overwritten")
-        await asyncio.to_thread(_replace, self._path, text_of(zones))
-        await asyncio.to_thread(self._version.is_new, self._path, settled=False)  # it need not be read
+        await asyncio.to_thread(self._replace, self._path, zones)
         self._world.set_zones(zones)
+
+    def _replace(self, path: Path, zones: tuple[Zone, ...]) -> None:
+        """Write the file, unless somebody else did since it was read."""
+        text = text_of(zones)
+        if parse_zones(text) != zones:
+            raise ZoneFileError("these zones cannot be written; give them other names")
+        try:
+            if self._version.is_new(path, settled=False):
+                self._version.forget()
+                raise ZoneFileError(f"{path} was changed meanwhile; try again")
+        except OSError as error:
+            raise ZoneFileError(f"zones {path}: {error.strerror}") from error
+        write_whole(path, text, self._version)
 
 
 def text_of(zones: Iterable[Zone]) -> str:
     """Return a zone file's text."""
     lines = [
-        f"  - {{name: {json.dumps(zone.name)}, site: {json.dumps(zone.site)}, corners: {json.dumps(zone.corners)}}}"
+        f"  - {{name: {json.dumps(zone.name, ensure_ascii=False)}, site: {json.dumps(zone.site)},"
+        f" corners: {json.dumps(zone.corners)}}}"
         for zone in zones
     ]
     return _HEAD + ("\n".join(["zones:", *lines]) if lines else "zones: []") + "\n"
@@ -141,8 +154,8 @@ def _place_of(zone: Zone, zones: list[Zone]) -> int:
     return zones.index(zone)
 
 
-def _replace(path: Path, text: str) -> None:
-    """Write a file whole or not at all, with the mode that it has."""
+def write_whole(path: Path, text: str, version: FileVersion) -> None:
+    """Write a file whole or not at all, with the mode that it has. version: takes it as read."""
     path = path.resolve()
     draft = None
     try:
@@ -152,6 +165,7 @@ def _replace(path: Path, text: str) -> None:
             file.flush()
             os.fsync(file.fileno())
         shutil.copymode(path, draft)
+        version.take(draft)
         draft.replace(path)
     except OSError as error:
         if draft is not None:

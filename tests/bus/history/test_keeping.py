@@ -1,16 +1,23 @@
 """Caches answer on a real session, as Zenoh's own do."""
 
+import asyncio
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import pytest
 import zenoh
 from zenoh import ext
 
+from bus import QUEUE, QoS, open_bus
 from bus.history.keeping import CacheServer, KeptMessages
 from bus.history.numbering import CACHE, stamp_of
 from bus.presence.own_tokens import OwnTokens
-from tests.contract.waiting import until
+from bus.zenoh_bus import ZenohBus
+from tests.bus.sessions import client, router
+from tests.contract.conftest import free_endpoint
+from tests.contract.waiting import next_of, until
 
 KEY = "fleet/r1/front/classes"
 PREFIX = "fleet/r1"
@@ -28,7 +35,7 @@ class Serving:
     def __init__(self, session: zenoh.Session, prefix: str) -> None:
         self._thread = ThreadPoolExecutor(1)
         self.tokens = OwnTokens(prefix, lambda _, call: self._thread.submit(call))
-        self.caches = CacheServer(prefix, self.tokens, self._thread.submit)
+        self.caches = CacheServer(prefix, self.tokens)
         self.tokens.declare(session)
         self.caches.declare(session)
 
@@ -51,6 +58,10 @@ def numbers(session: zenoh.Session, selector: str) -> list[int]:
     )
     found = [stamp_of(reply.ok) for reply in replies if reply.ok is not None]
     return [stamped[1] for stamped in found if stamped is not None]
+
+
+def wait_for(event: threading.Event) -> None:
+    event.wait(60)
 
 
 def kept_of(key: str, count: int, most: int = 5) -> KeptMessages:
@@ -95,6 +106,46 @@ def test_what_is_removed_answers_no_more(session: zenoh.Session, serving: Servin
     serving.caches.add(kept_of(KEY, 2))
     remove()
     assert numbers(session, f"{KEY}{CACHE}**") == [1, 2]
+
+
+async def test_it_answers_while_the_session_has_other_work() -> None:
+    endpoint = free_endpoint()
+    async with open_bus(router(endpoint)), open_bus(client(endpoint), prefix=PREFIX) as there:
+        assert isinstance(there, ZenohBus)
+        async with there.publisher(KEY, QoS.LATCHED) as out, open_bus(client(endpoint)) as here:
+            out.put(b"kept")
+            async with here.subscribe(KEY, QUEUE(9)) as first:
+                assert (await next_of(first)).payload == b"kept"
+            go_on = threading.Event()
+            there._session.do(partial(wait_for, go_on))
+            async with here.subscribe(KEY, QUEUE(9)) as second:
+                assert (await next_of(second)).payload == b"kept"
+            go_on.set()
+
+
+async def test_what_a_lost_link_did_not_take_comes_in_order_from_a_robot_as_well() -> None:
+    """New messages do not overtake what shows that older ones are kept."""
+    endpoint = free_endpoint()
+    async with (
+        open_bus(client(endpoint), prefix=PREFIX) as robot,
+        open_bus(client(endpoint)) as here,
+        robot.publisher(KEY, QoS.RESULT, kept=99) as out,
+        here.subscribe(KEY, QUEUE(99), recover=100, few=True) as lists,
+    ):
+        sent = 0
+        for _ in range(3):
+            async with open_bus(router(endpoint)):
+                for _ in range(4):
+                    out.put(b"%d" % sent)
+                    sent += 1
+                    await asyncio.sleep(0.01)
+                heard = [(await next_of(lists)).payload for _ in range(4 if sent == 4 else 7)]
+                assert heard[-1] == b"%d" % (sent - 1)
+            await until(lambda: robot.link_problem and here.link_problem)
+            for _ in range(3):
+                out.put(b"%d" % sent)
+                sent += 1
+        assert lists.counts.missed == 0
 
 
 def test_a_key_outside_the_prefix_has_a_cache_of_its_own(session: zenoh.Session) -> None:

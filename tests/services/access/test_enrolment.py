@@ -13,8 +13,9 @@ from cryptography import x509
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
 from services.access import certificates
+from services.access import enrolment_protocol as protocol
 from services.access.authority import Authority, AuthorityError
-from services.access.certificates import common_name_of, hosts_of, public_bytes
+from services.access.certificates import common_name_of, hosts_of, pem_of, public_bytes
 from services.access.enrolment_client import EnrolmentError
 from services.access.enrolment_protocol import SERVER_NAME, Token
 from services.access.invitations import Invitations
@@ -100,6 +101,21 @@ async def test_another_authority_in_between_learns_nothing(
     assert "refused" not in caplog.text  # nothing but the question for its certificate reached it
     assert not list((tmp_path / "tls").iterdir())
     await served.enrol(token, tmp_path / "tls")  # the token is still good
+
+
+async def test_an_authority_that_comes_behind_the_right_one_is_not_believed(
+    served: Serving, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    token = served.invite("r4")
+    right = pem_of(served.authority.certificate()).decode()
+    answer = protocol.Authority
+    monkeypatch.setattr(protocol, "Authority", lambda own: answer(right + own))
+    async with serving(new_authority(tmp_path / "other")) as other:
+        with pytest.raises(EnrolmentError, match="certificate is not accepted"):
+            await other.enrol(token, tmp_path / "tls")
+    assert not list((tmp_path / "tls").iterdir())
+    await served.enrol(token, tmp_path / "tls")
+    assert (tmp_path / "tls/ca.pem").read_text(encoding="utf-8") == right
 
 
 async def test_a_machine_of_the_fleet_cannot_pose_as_the_authority(

@@ -1,6 +1,7 @@
 """A site whose machine's clock was set back by an hour."""
 
 import logging
+import time
 
 import pytest
 
@@ -30,6 +31,16 @@ async def test_a_clock_that_goes_back_a_little_is_no_news_and_by_an_hour_all_tim
             site._heed_clock(2 * HOUR_NS - NS // 2 - HOUR_NS - 60 * NS)
         assert caplog.messages == ["the clock was set back by 3660 s"]
         assert int(site.model.objects.last_ns.max()) == HOUR_NS - 60 * NS - NS // 2
+
+
+async def test_a_state_of_a_clock_that_was_ahead_is_taken_as_of_now() -> None:
+    ahead_s = time.time() + 7_200
+    async with FakeNetwork().open_bus() as bus:
+        before = Site(bus, WorldSettings(), "main")
+        watch(before.model, [BOX], [Camera()], ahead_s, 10)
+        assert int(before.model.objects.last_ns.max()) > time.time_ns()
+        after = Site(bus, WorldSettings(), "main", before.state())
+    assert 0 < int(after.model.objects.last_ns.max()) <= time.time_ns()
 
 
 def test_the_floor_is_looked_at_from_then_on() -> None:

@@ -31,7 +31,7 @@ class ZoneEditor:
         self._visitor = visitor
         self._changed = changed
         self._edited: Zone | None = None
-        self._site = SITE
+        self._site = self._shown_site = SITE
         self._listed: tuple[Zone, ...] | None = None
         with ui.element("section").classes("fs-panel") as self._panel:
             with ui.element("div").classes("fs-panel-head"):
@@ -66,13 +66,15 @@ class ZoneEditor:
         return [corner for line in self._lines() if (corner := _corner(line)) is not None]
 
     def add(self, corner: Corner) -> None:
-        """Add a corner at the end."""
+        """Add a corner at the end, unless the map shows another site than the zone's."""
+        if self._site != self._shown_site:
+            ui.notify(f"The map shows the site {self._shown_site}, and the zone is in {self._site}.", type="warning")
+            return
         self._show([*self._lines(), f"{corner[0]:g}, {corner[1]:g}"])
 
     def refresh(self, site: str) -> None:
         """Show the zones as they are. site: the one that the map shows; empty where there is none."""
-        if not self.is_drawing:
-            self._site = site or SITE
+        self._shown_site = site or SITE
         if self._zones.zones == self._listed or not self._visitor.may_act:
             return
         self._listed = self._zones.zones
@@ -102,8 +104,7 @@ class ZoneEditor:
 
     def _begin(self, zone: Zone | None) -> None:
         self._edited = zone
-        if zone is not None:
-            self._site = zone.site
+        self._site = self._shown_site if zone is None else zone.site
         self._name.set_value("" if zone is None else zone.name)
         self._show([] if zone is None else [f"{x:g}, {y:g}" for x, y in zone.corners])
         self._problem.set_text("")

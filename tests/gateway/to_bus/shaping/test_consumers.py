@@ -56,6 +56,16 @@ def test_those_here_who_left_a_moment_ago_and_may_come_back_count_as_here() -> N
     assert not consumers.all_here(COLOR)
 
 
+@pytest.mark.parametrize("last", ["here", "there"])
+def test_a_stream_that_was_wanted_elsewhere_too_does_not_count_as_here(last: str) -> None:
+    consumers = Consumers("r1", "here", near=True, steady_s=lambda: 100.0)
+    for clock in ("here", "there"):
+        consumers.note(Presence(str(Wanted(COLOR, clock, "a")), alive=True))
+    for clock in sorted(("here", "there"), key=lambda each: each == last):
+        consumers.note(Presence(str(Wanted(COLOR, clock, "a")), alive=False))
+    assert not consumers.all_here(COLOR)
+
+
 def test_what_is_remembered_of_those_who_left_is_bounded() -> None:
     now_s = 100.0
     consumers = Consumers("r1", "here", near=True, steady_s=lambda: now_s)

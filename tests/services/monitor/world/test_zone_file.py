@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 
 from services.monitor.world import zone_file
+from services.monitor.world import zones as zones_module
 from services.monitor.world.site_objects import World
 from services.monitor.world.zone_file import ZoneFile, text_of
 from services.monitor.world.zones import MAX_ZONES, Zone, ZoneFileError, load_zones, zone_of
 
 DOCK = Zone(name="dock", site="hall", corners=((0, 0), (4, 0), (4, 3)))
-YARD = Zone(name='the "yard": #2', site="on", corners=((-1.5, 0), (0, 0), (0, 2.25)))
+YARD = Zone(name='the "yard": #2 🚚 é', site="on", corners=((-1.5, 0), (0, 0), (0, 2.25)))
 
 
 @pytest.fixture
@@ -123,6 +124,27 @@ async def test_what_may_not_be_is_refused_and_nothing_is_written(file: Path) -> 
         zone_of("", "hall", DOCK.corners)
     assert text_in(file) == before
     assert in_force(zones) == [DOCK]
+
+
+async def test_what_somebody_edits_meanwhile_is_not_overwritten(file: Path) -> None:
+    zones = await loaded(file)
+    write_later(file, text_of([DOCK, zone_of("by hand", "hall", DOCK.corners)]), 1)
+    with pytest.raises(ZoneFileError, match="was changed meanwhile; try again"):
+        await zones.draw(YARD, by="ada")
+    await zones.look(file)
+    await zones.look(file)
+    await zones.draw(YARD, by="ada")
+    assert [each.name for each in load_zones(file)] == ["dock", "by hand", YARD.name]
+
+
+async def test_what_could_not_be_read_is_not_written(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    zones, before = await loaded(file), text_in(file)
+    with pytest.raises(ZoneFileError, match="give them other names"):
+        await zones.draw(zone_of("two\u2028 lines", "hall", YARD.corners), by="ada")
+    monkeypatch.setattr(zones_module, "MAX_CHARACTERS", len(before) + 9)
+    with pytest.raises(ZoneFileError, match="at most"):
+        await zones.draw(YARD, by="ada")
+    assert (in_force(zones), text_in(file)) == ([DOCK], before)
 
 
 async def test_there_may_be_so_many(file: Path) -> None:
