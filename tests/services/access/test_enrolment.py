@@ -12,8 +12,7 @@ import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
-from services.access import certificates
-from services.access import enrolment_protocol as protocol
+from services.access import certificates, enrolment_server
 from services.access.authority import Authority, AuthorityError
 from services.access.certificates import common_name_of, hosts_of, pem_of, public_bytes
 from services.access.enrolment_client import EnrolmentError
@@ -108,8 +107,7 @@ async def test_an_authority_that_comes_behind_the_right_one_is_not_believed(
 ) -> None:
     token = served.invite("r4")
     right = pem_of(served.authority.certificate()).decode()
-    answer = protocol.Authority
-    monkeypatch.setattr(protocol, "Authority", lambda own: answer(right + own))
+    monkeypatch.setattr(enrolment_server, "pem_of", lambda own: right.encode() + pem_of(own))
     async with serving(new_authority(tmp_path / "other")) as other:
         with pytest.raises(EnrolmentError, match="certificate is not accepted"):
             await other.enrol(token, tmp_path / "tls")
