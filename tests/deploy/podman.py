@@ -94,6 +94,7 @@ class Podman:
         self.run("play", "kube", "--down", manifests)
         for left in reversed(range(TRIES)):
             try:
+                self.run("pod", "rm", "--force", "--all", "--time=1")
                 self.run("network", "rm", "--force", "--time=1", network)
                 break
             except AssertionError:
