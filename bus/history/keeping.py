@@ -101,7 +101,9 @@ class CacheServer:
             self._answer(session, cache)
         with self._lock:
             self._kept[cache] = kept
-        return partial(self._remove, cache, self._tokens.show(cache, at_once=True))
+        # The newest one comes live; older ones are asked for only if what comes live does not come first.
+        withdraw = self._tokens.show(cache, at_once=kept.most > 1)
+        return partial(self._remove, cache, withdraw)
 
     def _remove(self, cache: str, withdraw: Callable[[], None]) -> None:
         withdraw()
