@@ -70,7 +70,8 @@ def test_who_became_the_units_user_calls_the_program_by_its_whole_path() -> None
     pages = [*DEPLOY.glob("*.service"), *(ROOT / "docs").glob("*.md"), ROOT / "README.md"]
     called = [words for page in pages for words in commands(page) if words[0] in {"runuser", "sudo", "su"}]
     assert {(*words[:5], command(words[5]).name) for words in called} == {
-        ("runuser", "-u", "fleetsight", "--", "/opt/fleetsight/bin/fleetsight", name) for name in ("doctor", "pki", "users")
+        ("runuser", "-u", "fleetsight", "--", "/opt/fleetsight/bin/fleetsight", name)
+        for name in ("doctor", "pki", "users")
     }
 
 
