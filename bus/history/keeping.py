@@ -6,7 +6,6 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from itertools import islice
 from random import getrandbits
 from typing import Final
 
@@ -53,7 +52,7 @@ class KeptMessages:
         first, last = numbers
         with self._lock:
             found = [each for each in self._kept if first <= each[0] and (last is None or each[0] <= last)]
-        newest = islice(found, max(0, len(found) - most) if most is not None else 0, None)
+        newest = found if most is None else found[max(0, len(found) - most) :]
         return [(payload, stamp(self.publisher, number)) for number, payload in newest]
 
 
@@ -101,7 +100,7 @@ class CacheServer:
             self._answer(session, cache)
         with self._lock:
             self._kept[cache] = kept
-        # The newest one comes live; older ones are asked for only if what comes live does not come first.
+        # Before any live message where older ones are kept, too: subscribers ask for what is newer than they have.
         withdraw = self._tokens.show(cache, at_once=kept.most > 1)
         return partial(self._remove, cache, withdraw)
 

@@ -26,22 +26,26 @@ def stamp_of(sample: zenoh.Sample) -> tuple[int | str, int] | None:
 
     Messages of other programs have Zenoh's own numbers.
     """
-    attachment = sample.attachment
-    if attachment is not None and len(attachment) == _STAMP.size:
-        mark, publisher, number, _ = _STAMP.unpack(attachment.to_bytes())
-        if mark == _MARK:
-            return publisher, number
+    ours = _unpacked(sample)
+    if ours is not None:
+        return ours[:2]
     info = sample.source_info
     return None if info is None else (place_of(info.source_id), info.source_sn)
 
 
 def is_sent_again(sample: zenoh.Sample) -> bool:
     """Return whether an earlier release sent a sample again on a new session; its cache has it, too."""
+    ours = _unpacked(sample)
+    return ours is not None and ours[2] > 0
+
+
+def _unpacked(sample: zenoh.Sample) -> tuple[int, int, int] | None:
+    """Return publisher, number and, in messages that were sent again, how new they are; None without our attachment."""
     attachment = sample.attachment
     if attachment is None or len(attachment) != _STAMP.size:
-        return False
-    mark, _, _, newness = _STAMP.unpack(attachment.to_bytes())
-    return bool(mark == _MARK and newness)
+        return None
+    mark, publisher, number, newness = _STAMP.unpack(attachment.to_bytes())
+    return (publisher, number, newness) if mark == _MARK else None
 
 
 def place_of(publisher: zenoh.EntityGlobalId) -> str:
