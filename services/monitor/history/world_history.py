@@ -106,9 +106,10 @@ class WorldHistory:
             if self._versions.get(name, -1) != version:
                 self._versions[name] = version
                 self._end_gone(name, {SITE, *(each.name for each in site.zones)}, at_ns)
-                for zone in (SITE, *(each.name for each in site.zones)):
-                    if zone != SITE and zone not in {each.name for each in site.zones}:
-                        continue  # it was removed meanwhile
+                zones = site.zones
+                for zone in (SITE, *(each.name for each in zones)):
+                    if site.zones is not zones:
+                        break  # others are in force since, which is another version
                     self._note((name, zone), _levels(site.count(zone)) if current else {}, at_ns)
                     yield
 
