@@ -1,9 +1,12 @@
 """Lists of presence tokens: their form, and real sessions that show and read them."""
 
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
 import pytest
 import zenoh
 
-from bus import QUEUE, BusSettings, Presence, QoS, open_bus
+from bus import QUEUE, BusSettings, Presence, QoS, Watch, open_bus
 from bus.presence.token_lists import MOST_CHARACTERS, can_list, list_keys, listed_keys, lists_of
 from tests.bus.sessions import client, router
 from tests.contract.conftest import free_endpoint
@@ -92,68 +95,66 @@ def shown(session: zenoh.Session) -> set[str]:
     return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
 
 
-async def test_a_list_of_another_program_is_read_as_far_as_it_holds_keys() -> None:
+@asynccontextmanager
+async def watching() -> AsyncIterator[tuple[Watch, zenoh.Session]]:
+    """Have a watch of all robots, and another program's session at the same router."""
     endpoint = free_endpoint()
     config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
     async with open_bus(router(endpoint)), open_bus(client(endpoint)) as here, here.watch("fleet/*/**") as watch:
         with zenoh.open(config) as outside:
-            token = outside.liveliness().declare_token("fleet/r2/@alive/,a::b,x,x,:,y")
-            found = [await next_of(watch), await next_of(watch)]
-            token.undeclare()
-            found += [await next_of(watch), await next_of(watch)]
+            yield watch, outside
+
+
+async def test_a_list_of_another_program_is_read_as_far_as_it_holds_keys() -> None:
+    async with watching() as (watch, outside):
+        token = outside.liveliness().declare_token("fleet/r2/@alive/,a::b,x,x,:,y")
+        found = [await next_of(watch), await next_of(watch)]
+        token.undeclare()
+        found += [await next_of(watch), await next_of(watch)]
     keys = ["fleet/r2/x", "fleet/r2/y"]
     assert found == [Presence(key, alive=alive) for alive in (True, False) for key in keys]
 
 
 async def test_what_is_in_two_lists_is_there_until_it_is_in_neither() -> None:
-    endpoint = free_endpoint()
-    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
-    async with open_bus(router(endpoint)), open_bus(client(endpoint)) as here, here.watch("fleet/*/**") as watch:
-        with zenoh.open(config) as outside:
-            first = outside.liveliness().declare_token("fleet/r2/@alive/x")
-            assert await next_of(watch) == Presence("fleet/r2/x", alive=True)
-            second = outside.liveliness().declare_token("fleet/r2/@alive/x,y")
-            assert await next_of(watch) == Presence("fleet/r2/y", alive=True)
-            first.undeclare()
-            other = outside.liveliness().declare_token("fleet/r2/z")
-            assert await next_of(watch) == Presence("fleet/r2/z", alive=True)
-            second.undeclare()
-            assert {await next_of(watch), await next_of(watch)} == {
-                Presence("fleet/r2/x", alive=False),
-                Presence("fleet/r2/y", alive=False),
-            }
-            other.undeclare()
+    async with watching() as (watch, outside):
+        first = outside.liveliness().declare_token("fleet/r2/@alive/x")
+        assert await next_of(watch) == Presence("fleet/r2/x", alive=True)
+        second = outside.liveliness().declare_token("fleet/r2/@alive/x,y")
+        assert await next_of(watch) == Presence("fleet/r2/y", alive=True)
+        first.undeclare()
+        other = outside.liveliness().declare_token("fleet/r2/z")
+        assert await next_of(watch) == Presence("fleet/r2/z", alive=True)
+        second.undeclare()
+        assert {await next_of(watch), await next_of(watch)} == {
+            Presence("fleet/r2/x", alive=False),
+            Presence("fleet/r2/y", alive=False),
+        }
+        other.undeclare()
 
 
 async def test_a_token_that_is_in_a_list_and_shown_by_itself_is_there_until_it_is_neither() -> None:
-    endpoint = free_endpoint()
-    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
-    async with open_bus(router(endpoint)), open_bus(client(endpoint)) as here, here.watch("fleet/*/**") as watch:
-        with zenoh.open(config) as outside:
-            listed = outside.liveliness().declare_token("fleet/r2/@alive/x")
-            assert await next_of(watch) == Presence("fleet/r2/x", alive=True)
-            direct = outside.liveliness().declare_token("fleet/r2/x")
-            other = outside.liveliness().declare_token("fleet/r2/y")
-            assert await next_of(watch) == Presence("fleet/r2/y", alive=True)
-            direct.undeclare()
-            other.undeclare()
-            assert await next_of(watch) == Presence("fleet/r2/y", alive=False)
-            listed.undeclare()
-            assert await next_of(watch) == Presence("fleet/r2/x", alive=False)
+    async with watching() as (watch, outside):
+        listed = outside.liveliness().declare_token("fleet/r2/@alive/x")
+        assert await next_of(watch) == Presence("fleet/r2/x", alive=True)
+        direct = outside.liveliness().declare_token("fleet/r2/x")
+        other = outside.liveliness().declare_token("fleet/r2/y")
+        assert await next_of(watch) == Presence("fleet/r2/y", alive=True)
+        direct.undeclare()
+        other.undeclare()
+        assert await next_of(watch) == Presence("fleet/r2/y", alive=False)
+        listed.undeclare()
+        assert await next_of(watch) == Presence("fleet/r2/x", alive=False)
 
 
 async def test_a_list_that_is_longer_than_any_of_ours_is_left_out(caplog: pytest.LogCaptureFixture) -> None:
-    endpoint = free_endpoint()
-    config = zenoh.Config.from_json5(f'{{mode: "client", connect: {{endpoints: ["{endpoint}"]}}}}')
-    async with open_bus(router(endpoint)), open_bus(client(endpoint)) as here, here.watch("fleet/*/**") as watch:
-        with zenoh.open(config) as outside:
-            names = ",".join(f"n{number}" for number in range(5_000))
-            endless = outside.liveliness().declare_token(f"fleet/r2/@alive/{names}")
-            other = outside.liveliness().declare_token("fleet/r2/@alive/y")
-            assert await next_of(watch) == Presence("fleet/r2/y", alive=True)
-            endless.undeclare()
-            other.undeclare()
-            assert await next_of(watch) == Presence("fleet/r2/y", alive=False)
+    async with watching() as (watch, outside):
+        names = ",".join(f"n{number}" for number in range(5_000))
+        endless = outside.liveliness().declare_token(f"fleet/r2/@alive/{names}")
+        other = outside.liveliness().declare_token("fleet/r2/@alive/y")
+        assert await next_of(watch) == Presence("fleet/r2/y", alive=True)
+        endless.undeclare()
+        other.undeclare()
+        assert await next_of(watch) == Presence("fleet/r2/y", alive=False)
     assert f"left out: a list of {len(names) + 16} characters" in caplog.text
 
 
