@@ -8,7 +8,6 @@ Arguments: `BusSettings` in JSON, the worker's name, the journal, milliseconds o
 stands for another machine's boot id, as images stay raw on one machine.
 """
 
-import asyncio
 import itertools
 import logging
 import os
@@ -24,11 +23,11 @@ import numpy as np
 from pycocotools import mask as coco
 
 from benchmarks.chaos.accounts import MARK, PALLET, Published
+from benchmarks.peers.stand_in_worker import StandIn
 from bus import Bus, BusSettings, Publisher, QoS, clocks, open_bus
 from schemas import codec
 from schemas.detections import Box, ClassList, Detection, Mask
 from schemas.keys import Stream
-from schemas.tuning import Tuning
 from schemas.worker_keys import WorkerAlive
 from services.detector.model import DetectedObjects, Outcome, Request
 from services.detector.process import DetectorWorker
@@ -43,31 +42,19 @@ SIDE: Final = 20
 """Pixels of the box: its cloud crosses the robot's link, beside the images."""
 
 
-class Numbering:
+class Numbering(StandIn):
     """The stand-in model. run: tells this process from those before it."""
 
     name = "numbering"
-    max_batch = 1
-    in_flight = 1
     segments = True
-    remarks: tuple[str, ...] = ()
-    tuning = Tuning()
-    classes: tuple[str, ...] = ()
 
     def __init__(self, run: str, frame_s: float) -> None:
-        self._frame_s = frame_s
+        super().__init__(frame_s)
         self._names = (f"{MARK}{run}-{number}" for number in itertools.count())
-
-    def tune(self, tuning: Tuning) -> None:
-        """See `Model.tune`."""
-        self.tuning = tuning
-
-    def close(self) -> None:
-        """See `Model.close`."""
 
     async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
         """See `Model.infer`."""
-        await asyncio.sleep(self._frame_s * len(batch))
+        await super().infer(batch)
         return [DetectedObjects(self._objects(request)) for request in batch]
 
     def _objects(self, request: Request) -> list[Detection]:
