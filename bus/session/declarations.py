@@ -105,8 +105,7 @@ class ZenohPublisher(MessageWriter):
         self._turn += 1
         if self._kept is not None:
             self._declared.callback(self._caches.add(self._kept))
-        image = self._qos in {QoS.IMAGE, QoS.MESSAGE}
-        publisher = self._declare(session, reliable=not image)
+        publisher = self._declare(session, reliable=self._qos not in UNKEPT)
         if self._qos is QoS.MESSAGE:
             self._small = self._declare(session, reliable=True)
         listener = publisher.declare_matching_listener(Callback(partial(self._on_matching, self._turn), indirect=False))
