@@ -64,7 +64,7 @@ FAULTS: Final = 20
 def main() -> None:
     """Measure and print."""
     parser = parser_of(MODULE, __doc__)
-    known = ", ".join(fault.name for fault in named(()))
+    known = ", ".join(fault.name for fault in named(())).replace("%", "%%")
     parser.add_argument("--faults", type=_faults, default=named(()), help=f"which, by commas: {known} (default: all)")
     parser.add_argument("--minutes", type=float, default=0.0, help="repeat them for so long (default: once)")
     arguments = parser.parse_args()
