@@ -9,6 +9,9 @@ from msgspec.structs import replace
 MAX_PENDING: Final = 200_000
 """How many intervals wait for a database that is gone; the oldest are given up for newer ones."""
 
+SAME_NS: Final = 1_000_000_000
+"""How far apart, in nanoseconds, two monitors may enter the same: each has a clock of its own."""
+
 
 class StoredInterval(msgspec.Struct, frozen=True, gc=False, kw_only=True):
     """A state at one place without a gap. Times are epoch nanoseconds, ours. open: it continues."""
@@ -81,12 +84,22 @@ class Ledger:
         """Continue open intervals of the database, whose sightings the inventory has restored."""
         self._open.update((_at(each), each) for each in stored if each.open)
 
-    def merge(self, stored: Sequence[StoredInterval], heartbeat_ns: int, gap_ns: int, *, followed: bool) -> None:
+    def merge(
+        self,
+        stored: Sequence[StoredInterval],
+        heartbeat_ns: int,
+        gap_ns: int,
+        *,
+        followed: bool,
+        ended_of: type[StoredInterval] | None = None,
+    ) -> None:
         """Begin to write where another monitor, or this one, stopped at `heartbeat_ns`.
 
         stored: what is open there or ended lately. What is there and here at the same time and says the same is one
         interval, also after a gap no longer than `gap_ns`; what is open there alone ended at the heartbeat.
         followed: another one wrote until then, and so what ended by then, or came before what is open there.
+        ended_of: the kind of which `stored` has all that ended within `gap_ns` before: if others of it ended by then,
+        they came too late for the last write.
         """
         ours: dict[_At, list[StoredInterval]] = {_at(old): [] for old in stored}
         for (at, _), each in ({_key(of): of for of in self._open.values()} | self._pending).items():
@@ -110,8 +123,14 @@ class Ledger:
                 ends_ns = [max(old.until_ns, heartbeat_ns), *(of.since_ns for of in here if of.since_ns > old.since_ns)]
                 merged.append(replace(old, until_ns=min(ends_ns), open=False))
         if followed:
+            until_ns = {_at(old): old.until_ns for old in sorted(stored, key=_until)}
+            since_ns = heartbeat_ns - gap_ns
             self._pending = {
-                key: each for key, each in self._pending.items() if each.open or each.until_ns > heartbeat_ns
+                key: each
+                for key, each in self._pending.items()
+                if each.open
+                or each.until_ns > heartbeat_ns
+                or (isinstance(each, ended_of or ()) and _is_unwritten(each, until_ns.get(key[0]), since_ns))
             }
         self.note(merged)
         self.note(self._open.values())
@@ -153,6 +172,10 @@ def _since(of: StoredInterval) -> int:
     return of.since_ns
 
 
+def _until(of: StoredInterval) -> int:
+    return of.until_ns
+
+
 def _key(of: StoredInterval) -> _Key:
     return (_at(of), of.since_ns)
 
@@ -166,6 +189,11 @@ def _going_on(
         return None
     between = (each for each in here if old.since_ns < each.since_ns < found.since_ns)
     return None if any(each.until_ns > heartbeat_ns for each in between) else found
+
+
+def _is_unwritten(each: StoredInterval, until_ns: int | None, since_ns: int) -> bool:
+    """Whether one that ended is not in the database. until_ns: of the last there of its place, if any since then."""
+    return each.until_ns > since_ns and (until_ns is None or each.since_ns > until_ns + SAME_NS)
 
 
 def _goes_on(new: StoredInterval, old: StoredInterval, heartbeat_ns: int, gap_ns: int) -> bool:

@@ -139,6 +139,19 @@ def test_what_ended_while_another_monitor_wrote_is_not_written_again() -> None:
     assert sorted(told(ledger)) == [(4, 9, False), (9, 9, True)]
 
 
+def test_what_came_too_late_for_the_last_write_of_another_monitor_is_written() -> None:
+    ledger = Ledger()
+    for name, since_s, until_s in [("pallet", 5, 6), ("forklift", 7, 7), ("box", 5, 6), ("cone", 1, 2)]:
+        ledger.begin(replace(box(since_s), name=name))
+        ledger.end(Interval, (FRONT, name), until_s * S)
+    ledger.begin(there(4, 4, camera="front", is_open=True))
+    ledger.end(Presence, ("r1", "front"), 6 * S)
+    stored = [ended(4, 6), replace(ended(1, 3), name="pallet")]
+    ledger.merge(stored, 8 * S, gap_ns=5 * S, followed=True, ended_of=Interval)
+    assert [each.name for each in ledger.pending(9) if isinstance(each, Interval)] == ["pallet", "forklift", "box"]
+    assert told(ledger) == [(5, 6, False), (7, 7, False), (4, 6, False)], "the box as it is there; the cone is too old"
+
+
 def test_a_follower_keeps_what_ended_since_whoever_leads_may_have_gone() -> None:
     ledger = Ledger()
     for second in (3, 5, 9):
