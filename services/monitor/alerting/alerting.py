@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from itertools import islice
@@ -9,11 +10,11 @@ from typing import Final
 from uuid import uuid4
 
 from bus import Bus
-from schemas.alerts import Action, Alert, AlertState
+from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey
-from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
+from services.monitor.alerting.delivery import Delivery
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.alerting.webhooks import Outcome, Webhooks
+from services.monitor.alerting.webhooks import Outcome
 from services.monitor.event_loop import in_turns
 from services.monitor.history.state import Act
 from services.monitor.inventory.availability import AbsenceTracker, AvailabilityTracker
@@ -24,7 +25,8 @@ from services.monitor.inventory.sighting import NS, Change
 from services.monitor.liveness import SETTLE_NS, Heartbeat
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
 from services.monitor.rules.findings import CameraState
-from services.monitor.rules.model import PLACEHOLDERS, RobotAction, WorldRule
+from services.monitor.rules.model import WorldRule
+from services.monitor.rules.passed import PassedConditions
 from services.monitor.rules.subjects import Effect, UnknownAlertError, linked
 from services.monitor.world.conditions import WorldConditions
 
@@ -34,6 +36,12 @@ SWEEP_S: Final = 0.2
 
 WORLD_S: Final = 1.0
 """Period, in seconds, of the evaluation of rules on the objects of sites."""
+
+LATE_NS: Final = NS
+"""Age, in nanoseconds, from which on a change came too late for a look at what it tells."""
+
+MAX_WAITING: Final = 10_000
+"""Maximum number of changes kept while another monitor raises alerts, or it is open which one does."""
 
 OFFER_S: Final = 10.0
 """Period, in seconds, of the check for room for subjects left out because there were too many."""
@@ -62,7 +70,6 @@ class Alerting:
         self._rules = rules
         self._inventory = inventory
         self._heartbeat = heartbeat
-        self._robot_ns = robot_ns
         self._settled_s = time.monotonic() + settle_s
         self._offer_s = offer_s
         self._offered_s = time.monotonic()
@@ -70,15 +77,17 @@ class Alerting:
         self._conditions = conditions
         self._page = page
         self._engine: RuleEngine | None = None
+        self._since_ns = 0
+        self._waiting = deque[Change](maxlen=MAX_WAITING)
+        self._passed = PassedConditions(_new_id, page=page)
+        self._effects: list[Effect] = []
         self._robots: set[str] = set()
         self._news = inventory.follow()
         self._availability = AvailabilityTracker(inventory, inventory.is_available, available=False)
         self._absentees = AbsenceTracker(inventory, self._heartbeat)
         self._look_at_all = True
         self._unsteady: set[CameraKey] = set()
-        self._alerts = alerts_to_robots()
-        self._actions = actions_to_robots()
-        self._webhooks = Webhooks()
+        self._delivery = Delivery(robot_ns)
         inventory.on_leave(self._leave)
         inventory.room.held = self._held
 
@@ -89,21 +98,28 @@ class Alerting:
     def _leave(self, left: Collection[CameraView]) -> None:
         """Forget cameras that made room for others."""
         self._unsteady.difference_update(view.key for view in left)
+        gone = {(view.key.robot, view.key.camera) for view in left}
+        self._passed.forget(gone)
         if self._engine is not None:
-            self._engine.forget({(view.key.robot, view.key.camera) for view in left})
+            self._engine.forget(gone)
 
-    def lead(self, alerts: Sequence[Alert], acts: Iterable[Act] = ()) -> None:
+    def lead(self, alerts: Sequence[Alert], acts: Iterable[Act] = (), since_ns: int = 0) -> None:
         """Begin to raise alerts, continuing those that another monitor, or an earlier run, left unresolved.
 
-        acts: what people did with these.
+        acts: what people did with these. since_ns: until when, epoch, the other one raised alerts: this one does of
+        what changed later, also where that is over.
         """
         if self._engine is None:
-            self._engine = RuleEngine(self._rules.book, lambda: uuid4().hex, most=self._most_subjects, page=self._page)
+            self._engine = RuleEngine(self._rules.book, _new_id, most=self._most_subjects, page=self._page)
         escalated = {act.alert_id for act in acts if act.state is AlertState.ESCALATED}
         self._engine.restore(alerts, time.time_ns(), escalated)
         self._begin_anew()
         if self._conditions is not None:
             self._conditions.adopt(self._engine.alerts())
+        self._since_ns = min(since_ns, time.time_ns())
+        waiting = list(self._waiting)
+        self._waiting.clear()
+        self._take(self._engine, waiting, late_ns=0)
 
     def owe(self, alerts: Iterable[tuple[str, Alert]]) -> None:
         """Queue alerts that webhooks, by name, did not accept before a restart."""
@@ -112,22 +128,37 @@ class Alerting:
             waiting.setdefault(name, []).append(linked(alert, self._page))
         webhooks = self._rules.book.webhooks
         for name in waiting.keys() & webhooks.keys():
-            self._webhooks.owe(name, webhooks[name], waiting[name])
+            self._delivery.webhooks.owe(name, webhooks[name], waiting[name])
 
     def owed(self) -> Iterator[tuple[str, Alert]]:
         """Yield the alerts that webhooks, by name, have not accepted yet, in their current state."""
-        return self._webhooks.owed()
+        return self._delivery.webhooks.owed()
 
     def owed_changes(self) -> int:
         """Return how often these have changed."""
-        return self._webhooks.changes()
+        return self._delivery.webhooks.changes()
 
     def take(self, changes: Iterable[Change]) -> None:
         """Take changes of the inventory."""
-        if self._engine is not None:
-            changes = list(changes)
-            self._unsteady.update(change.sighting.key for change in changes)
-            self._engine.changed(changes, time.time_ns())
+        if self._engine is None:
+            self._waiting.extend(changes)
+        else:
+            self._take(self._engine, changes, late_ns=LATE_NS)
+
+    def _take(self, engine: RuleEngine, changes: Iterable[Change], late_ns: int) -> None:
+        """Take changes. late_ns: the age from which on one came too late for a look."""
+        now_ns = time.time_ns()
+        for change in changes:
+            self._unsteady.add(change.sighting.key)
+            known_ns = self._known_ns(change)
+            if known_ns > self._since_ns:
+                self._effects += self._passed.take(change, engine, now_ns, late=now_ns - known_ns >= late_ns)
+                engine.changed([change], now_ns)
+
+    def _known_ns(self, change: Change) -> int:
+        """Return by when a monitor that hears everything in time knows of a change."""
+        of = change.sighting
+        return of.since_ns + self._inventory.limits.debounce.vanish_ns if of.count == 0 else of.last_ns
 
     def measured(self, key: CameraKey) -> None:
         """Evaluate the rules for a camera whose distances arrived."""
@@ -147,11 +178,11 @@ class Alerting:
             else []
         )
         too_many = [] if self._conditions is None else list(self._conditions.problems())
-        return [*waits, *too_many, *self._webhooks.problems(self._rules.book.webhooks)]
+        return [*waits, *too_many, *self._delivery.webhooks.problems(self._rules.book.webhooks)]
 
     def posts(self) -> Mapping[tuple[str, Outcome], int]:
         """Return the number of webhook alerts by webhook name and outcome."""
-        return self._webhooks.counts
+        return self._delivery.webhooks.counts
 
     def acknowledge(self, alert_id: str) -> Alert:
         """Acknowledge an alert; raises UnknownAlertError."""
@@ -172,9 +203,7 @@ class Alerting:
         """
         async with asyncio.TaskGroup() as group:
             group.create_task(self._rules.watch())
-            group.create_task(self._alerts.run(bus))
-            group.create_task(self._actions.run(bus))
-            group.create_task(self._webhooks.run())
+            group.create_task(self._delivery.run(bus))
             group.create_task(self._apply(keep, leads))
 
     async def _apply(self, keep: Callable[[Alert], None], leads: Callable[[], bool]) -> None:
@@ -185,14 +214,16 @@ class Alerting:
             if turned:
                 self._begin_anew()
             if not leads():
-                self._webhooks.clear()
+                self._delivery.webhooks.clear()
+                self._passed.clear()
                 self._engine = None
             engine = self._engine
             if engine is None:
                 continue
             if engine.book is not self._rules.book:
                 engine.replace(self._rules.book, time.time_ns())
-                self._webhooks.keep(self._rules.book.webhooks)
+                self._delivery.webhooks.keep(self._rules.book.webhooks)
+                self._passed.clear()
                 self._look_at_all = True
             if time.monotonic() >= max(self._settled_s, 0 if turned else swept_s + SWEEP_S):
                 swept_s = time.monotonic()
@@ -201,9 +232,10 @@ class Alerting:
             if self._conditions is not None and time.monotonic() >= world_s + WORLD_S:
                 world_s = time.monotonic()
                 await self._look_at_sites(engine, self._conditions)
-            for effect in engine.due(time.time_ns()):
+            passed, self._effects = self._effects, []
+            for effect in [*passed, *engine.due(time.time_ns())]:
                 keep(effect.alert)
-                self._tell(effect, engine)
+                self._delivery.send(effect, engine.book)
 
     @staticmethod
     async def _look_at_sites(engine: RuleEngine, conditions: WorldConditions) -> None:
@@ -274,24 +306,14 @@ class Alerting:
         silent_ns = self._absentees.silent_ns(camera.key)
         return look_at(self._inventory, camera, now_ns, silent_ns, complete=self._heartbeat.settled)
 
-    def _tell(self, effect: Effect, engine: RuleEngine) -> None:
-        alert, rule = effect.alert, effect.rule
-        if alert.robot:
-            self._alerts.send(alert)
-        if rule is None:
-            return
-        webhooks = engine.book.webhooks
-        told = dict.fromkeys([*rule.webhooks, *(rule.escalate_webhooks if effect.escalated else ())])
-        for name in [name for name in told if name in webhooks]:  # the rule may be from the earlier book
-            self._webhooks.post(name, webhooks[name], alert)
-        if effect.raised and rule.action is not None:
-            robot_ns = self._robot_ns(alert.robot, alert.changed_ns)
-            self._actions.send(action_of(rule.action, alert, uuid4().hex, robot_ns))
-
     def _known(self) -> RuleEngine:
         if self._engine is None:
             raise UnknownAlertError("another monitor raises the alerts")
         return self._engine
+
+
+def _new_id() -> str:
+    return uuid4().hex
 
 
 def look_at(
@@ -309,20 +331,4 @@ def look_at(
         settled=camera.settled,
         nearest={name: near for name, tracked in sighted if (near := tracked.nearest_since(since_ns)) is not None},
         disagreements=camera.disagreements(since_ns),
-    )
-
-
-def action_of(asked: RobotAction, alert: Alert, action_id: str, robot_ns: int = 0) -> Action:
-    """Return the action to send to a robot because of an alert. robot_ns: see `Action`."""
-    payload = asked.payload
-    for placeholder, value in zip(PLACEHOLDERS, (alert.robot, alert.camera, alert.name), strict=True):
-        payload = payload.replace(placeholder, value)
-    return Action(
-        id=action_id,
-        name=asked.name,
-        robot=alert.robot,
-        payload=payload,
-        rule=alert.rule,
-        sent_ns=alert.changed_ns,
-        robot_ns=robot_ns,
     )

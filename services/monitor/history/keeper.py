@@ -11,7 +11,7 @@ from schemas.alerts import Alert
 from services.monitor.event_loop import in_turns, uninterrupted
 from services.monitor.history.clock_trust import Correction
 from services.monitor.history.engine import translating
-from services.monitor.history.intervals import Disagreements, PauseTracker, Sightings
+from services.monitor.history.intervals import Disagreements, Interval, PauseTracker, Sightings
 from services.monitor.history.ledger import Ledger
 from services.monitor.history.presence import RESTORED_NS, WRITE_S, Attendance, KnownPoses, Presence
 from services.monitor.history.settings import NONE, HistorySettings
@@ -60,8 +60,8 @@ FOLLOWED_NS: Final = 2 * round(UNHEARD_S) * NS
 class HistoryKeeper:
     """Writes inventory changes, alerts and robots' poses to the database of the settings.
 
-    on_lead: is called with the alerts that are not resolved, and what people did with these, whenever this monitor
-    becomes the one that raises alerts.
+    on_lead: is called with the alerts that are not resolved, what people did with these, and when alerts were written
+    last, epoch nanoseconds, whenever this monitor becomes the one that raises alerts.
     owing: posts alerts to webhooks. world: the sites whose objects it keeps.
     acts: what people did with alerts lately, and with those that are not resolved.
     """
@@ -70,7 +70,7 @@ class HistoryKeeper:
         self,
         settings: HistorySettings,
         inventory: Inventory,
-        on_lead: Callable[[Sequence[Alert], Sequence[Act]], None] = lambda *_: None,
+        on_lead: Callable[[Sequence[Alert], Sequence[Act], int], None] = lambda *_: None,
         places: SightingMap | None = None,
         owing: WebhookBacklog | None = None,
         *,
@@ -141,7 +141,7 @@ class HistoryKeeper:
             OtherVersionError: the database is another version's. One that cannot be had is waited for.
         """
         if self._settings.history == NONE:
-            self._on_lead((), ())
+            self._on_lead((), (), time.time_ns())
             return
         try:
             await self._restore()
@@ -255,22 +255,23 @@ class HistoryKeeper:
         gap_ns, heartbeat_ns = self._inventory.limits.lost_ns, await store.heartbeat_ns()
         kept: StoredState = await store.load(heartbeat_ns - gap_ns)
         now_ns, ended = time.time_ns(), [each for each in kept.intervals if not each.open]
-        self._ledger.merge([*kept.going_on, *ended], heartbeat_ns, gap_ns, followed=not self._leads)
+        stored = [*kept.going_on, *ended]
+        self._ledger.merge(stored, heartbeat_ns, gap_ns, followed=not self._leads, ended_of=Interval)
         self._pauses.begin_anew()
         if not self._loaded and now_ns - heartbeat_ns <= gap_ns:
             self._attendance.resume((each for each in kept.going_on if isinstance(each, Presence)), now_ns)
         self.acts.take(kept.acts)
         led = self._leads and self._loaded
         if not led:
-            self._lead(kept.alerts, kept.acts)
+            self._lead(kept.alerts, kept.acts, heartbeat_ns)
         self._owed.begin(kept.owed, leads=led)
         self._writes = self._loaded = True
 
-    def _lead(self, alerts: Sequence[Alert], acts: Sequence[Act]) -> None:
+    def _lead(self, alerts: Sequence[Alert], acts: Sequence[Act], since_ns: int) -> None:
         if not self._leads:
             self._attendance.lead(time.time_ns())
         self._leads = True
-        self._on_lead(alerts, acts)
+        self._on_lead(alerts, acts, since_ns)
 
     async def _flush(self, store: Store) -> None:
         if not self._writes:
@@ -323,7 +324,7 @@ class HistoryKeeper:
             log.warning("history is not kept: %s", error)
         if not self._asked:
             self._asked = True
-            self._lead((), ())
+            self._lead((), (), time.time_ns())
         self._problem, self._writes = str(error), False
         await self._close()
 

@@ -10,12 +10,21 @@ from schemas.keys import CameraKey
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.rules import alert_texts, model
 from services.monitor.rules.findings import CameraState, Finding, findings, found_in
-from services.monitor.rules.model import AnyRule, DisagreeRule, RuleBook, SilentRule, WorldRule
+from services.monitor.rules.model import (
+    AnyRule,
+    AppearsRule,
+    DisagreeRule,
+    DisappearsRule,
+    RuleBook,
+    SilentRule,
+    WorldRule,
+)
 from services.monitor.rules.subjects import (
     Effect,
     PendingSubjects,
     Subject,
     SubjectKey,
+    Subjects,
     UnknownAlertError,
     had_escalated,
     linked,
@@ -39,9 +48,8 @@ class RuleEngine:
     def __init__(self, book: RuleBook, new_id: Callable[[], str], *, most: int = MAX_SUBJECTS, page: str = "") -> None:
         self._new_id = new_id
         self._page = page
-        self._most = most
         self._book = book
-        self._subjects: dict[str, dict[SubjectKey, Subject]] = {rule.name: {} for rule in book.rules}
+        self._subjects = Subjects((rule.name for rule in book.rules), most)
         self._waiting = PendingSubjects()
         self._alerts: dict[str, tuple[Alert, SubjectKey]] = {}
         self._escalated: set[str] = set()
@@ -51,8 +59,6 @@ class RuleEngine:
         self._unknown: set[tuple[str, str]] = set()
         self._inherited: dict[tuple[str, str], set[str]] = {}
         self._now_ns = 0
-        self._full = False
-        self._refused = False
 
     @property
     def book(self) -> RuleBook:
@@ -67,16 +73,14 @@ class RuleEngine:
         """Put other rules in force. Unchanged rules continue; the alerts of removed ones resolve."""
         before = {rule.name: rule for rule in self._book.rules}
         same = {rule.name for rule in book.rules if model.same_rule(rule, before.get(rule.name))}
-        kept = {name: subjects for name, subjects in self._subjects.items() if name in same}
         for alert, _ in list(self._alerts.values()):
             if alert.rule not in same:
                 self._change(alert, AlertState.RESOLVED, now_ns)
         self._book = book
-        self._subjects = {rule.name: kept.get(rule.name, {}) for rule in book.rules}
+        self._subjects.keep(same, (rule.name for rule in book.rules))
         self._waiting.keep(same)
         self._cameras.clear()
         self._robots.clear()
-        self._full = self._refused = False
 
     def restore(self, alerts: Iterable[Alert], now_ns: int, escalated: Container[str] = ()) -> None:
         """Continue with the alerts of an earlier monitor.
@@ -99,7 +103,8 @@ class RuleEngine:
                 self._inherited.setdefault((alert.robot, alert.camera), set()).add(alert.name)
             if alert.id in escalated or had_escalated(alert, rule):
                 self._escalated.add(alert.id)
-            subject = self._subject(alert.rule, place) if rule is not None and model.is_about(rule, *place) else None
+            is_about = rule is not None and model.is_about(rule, *place)
+            subject = self._subjects.take(alert.rule, place) if is_about else None
             if subject is None or subject.alert is not None:
                 self._change(alert, AlertState.RESOLVED, now_ns)
             else:
@@ -108,12 +113,12 @@ class RuleEngine:
                 self._waiting.discard(alert.rule, place)
 
     def changed(self, changes: Iterable[Change], now_ns: int) -> None:
-        """Take a change of the inventory."""
+        """Take changes of the inventory: of what came or went. How many are in view is found in `look`."""
         self._advance(now_ns)
         for change in changes:
             key = change.sighting.key
-            for rule in self._rules_of(key.robot, key.camera):
-                found = found_in(change, rule)
+            for rule in self.rules_of(key):
+                found = found_in(change, rule) if isinstance(rule, AppearsRule | DisappearsRule) else None
                 if found is not None:
                     self._find(rule, (key.robot, key.camera, found.name, ""), found, now_ns)
 
@@ -122,14 +127,35 @@ class RuleEngine:
         for camera in cameras:
             self._unknown.discard(camera)
             self._cameras.pop(camera, None)
-        for name, subjects in self._subjects.items():
-            for place in [place for place, of in subjects.items() if place[:2] in cameras and of.alert is None]:
+        for name, place, subject in list(self._subjects):
+            if place[:2] in cameras and subject.alert is None:
                 self._waiting.discard(name, place)
-                del subjects[place]
+                self._subjects.drop(name, place)
+
+    def rules_of(self, key: CameraKey) -> list[AnyRule]:
+        """Return the rules that are about a camera."""
+        place = (key.robot, key.camera)
+        found = self._cameras.get(place)
+        if found is None:
+            found = [rule for rule in self._book.rules if rule.applies_to(*place)]
+            if len(self._cameras) < MAX_SUBJECTS:
+                self._cameras[place] = found
+        return found
+
+    def subject(self, rule: str, place: SubjectKey) -> Subject | None:
+        """Return what is known of a rule at a place, to read only."""
+        return self._subjects.get(rule, place)
+
+    def end(self, rule: AnyRule, place: SubjectKey) -> int | None:
+        """Take that a condition holds no more; return when its alert was raised that this resolves, if there is one."""
+        subject = self.subject(rule.name, place)
+        raised_ns = None if subject is None or subject.alert is None else subject.alert.raised_ns
+        self._find(rule, place, Finding(place[2], holds=False), self._now_ns)
+        return raised_ns
 
     def concerns(self, key: CameraKey) -> bool:
         """Whether any rule is about a camera."""
-        return bool(self._rules_of(key.robot, key.camera))
+        return bool(self.rules_of(key))
 
     def look(self, look: CameraState, now_ns: int) -> None:
         """Take the current state of one camera."""
@@ -138,7 +164,7 @@ class RuleEngine:
         if (names := self._inherited.get((robot, camera))) is not None:  # classes of restored alerts
             look = msgspec.structs.replace(look, counts={**dict.fromkeys(names, 0), **look.counts})
         (self._unknown.discard if look.available else self._unknown.add)((robot, camera))
-        for rule in self._rules_of(robot, camera):
+        for rule in self.rules_of(look.key):
             for found in findings(rule, look):
                 self._find(rule, (robot, camera, found.name, ""), found, now_ns)
 
@@ -162,10 +188,7 @@ class RuleEngine:
 
     def has_room_again(self) -> bool:
         """Whether there is room again for subjects left out, once: then all must be offered again."""
-        if not self._refused or not self._has_room():
-            return False
-        self._refused = False
-        return True
+        return self._subjects.has_room_again()
 
     def next_ns(self, now_ns: int) -> int | None:
         """Return the next time, after now, at which something may be due; None if nothing is waiting."""
@@ -182,7 +205,7 @@ class RuleEngine:
         self._advance(now_ns)
         self._raise_due(now_ns)
         self._escalate_due(now_ns)
-        self._full = False
+        self._subjects.make_room_again()
         effects, self._effects = self._effects, []
         return effects
 
@@ -190,7 +213,7 @@ class RuleEngine:
         """Let time pass. If the clock was set back, nothing waits for it to be again what it was."""
         by_ns, self._now_ns = self._now_ns - now_ns, now_ns
         if by_ns > 0:
-            for subject in (each for subjects in self._subjects.values() for each in subjects.values()):
+            for _, _, subject in self._subjects:
                 subject.since_ns -= by_ns
                 subject.raised_ns = None if subject.raised_ns is None else subject.raised_ns - by_ns
                 subject.alert = None if subject.alert is None else set_back(subject.alert, now_ns, by_ns)
@@ -207,11 +230,11 @@ class RuleEngine:
         applying = [rule for rule in self._book.rules if rule.name in self._waiting.ripe and rule.applies_at(local)]
         for rule in applying:
             for place in [place for place in self._waiting.ripe[rule.name] if self._is_known(rule, place)]:
-                self._raise(rule, place, self._subjects[rule.name][place], now_ns)
+                self._raise(rule, place, self._subjects.known(rule.name, place), now_ns)
 
     def _is_known(self, rule: AnyRule, place: SubjectKey) -> bool:
         """Whether a condition is known to hold now, and not only at its last observation."""
-        known = self._subjects[rule.name][place].known
+        known = self._subjects.known(rule.name, place).known
         return known and (isinstance(rule, SilentRule) or place[:2] not in self._unknown)
 
     def _escalate_due(self, now_ns: int) -> None:
@@ -223,7 +246,7 @@ class RuleEngine:
         after_s = {rule.name: rule.escalate_after_s for rule in self._book.rules if rule.escalate_after_s is not None}
         for alert, place in self._alerts.values() if after_s else ():
             if alert.state is AlertState.RAISED and alert.rule in after_s:
-                raised_ns = self._subjects[alert.rule][place].raised_ns or 0
+                raised_ns = self._subjects.known(alert.rule, place).raised_ns or 0
                 yield alert, raised_ns + round(after_s[alert.rule] * NS)
 
     def acknowledge(self, alert_id: str, now_ns: int) -> Alert:
@@ -257,20 +280,12 @@ class RuleEngine:
             raise UnknownAlertError(f"no open alert {alert_id[:64]!r}")
         return self._alerts[alert_id][0]
 
-    def _rules_of(self, robot: str, camera: str) -> list[AnyRule]:
-        found = self._cameras.get((robot, camera))
-        if found is None:
-            found = [rule for rule in self._book.rules if rule.applies_to(robot, camera)]
-            if len(self._cameras) < MAX_SUBJECTS:
-                self._cameras[robot, camera] = found
-        return found
-
     def _find(self, rule: AnyRule, place: SubjectKey, found: Finding, now_ns: int) -> None:
-        subject = self._subjects[rule.name].get(place)
+        subject = self._subjects.get(rule.name, place)
         if subject is None:
             if not found.holds:
                 return
-            subject = self._subject(rule.name, place)
+            subject = self._subjects.take(rule.name, place)
             if subject is None:
                 return
         subject.known = found.holds is not None
@@ -287,28 +302,9 @@ class RuleEngine:
             if subject.alert is not None:
                 self._change(subject.alert, AlertState.RESOLVED, now_ns)
             if rule.cooldown_s == 0:
-                del self._subjects[rule.name][place]
+                self._subjects.drop(rule.name, place)
         if found.holds:
             subject.text = found.text
-
-    def _subject(self, rule: str, place: SubjectKey) -> Subject | None:
-        if place not in self._subjects[rule]:
-            if not self._has_room():
-                self._refused = True
-                return None
-            self._subjects[rule][place] = Subject()
-        return self._subjects[rule][place]
-
-    def _has_room(self) -> bool:
-        """Whether one more can be followed; once between two `due` what is remembered for its cooldown makes room."""
-        if sum(map(len, self._subjects.values())) < self._most:
-            return True
-        if self._full:
-            return False
-        for name, subjects in self._subjects.items():
-            self._subjects[name] = {place: subject for place, subject in subjects.items() if subject.holds}
-        self._full = sum(map(len, self._subjects.values())) >= self._most
-        return not self._full
 
     def _due_ns(self, rule: AnyRule, subject: Subject) -> int:
         held_ns = subject.since_ns + round(rule.for_s * NS)
@@ -327,7 +323,7 @@ class RuleEngine:
         place = self._alerts[alert.id][1]
         changed = msgspec.structs.replace(alert, state=state, changed_ns=max(now_ns, alert.changed_ns + 1))
         over = state is AlertState.RESOLVED
-        subject = self._subjects.get(alert.rule, {}).get(place)
+        subject = self._subjects.get(alert.rule, place)
         if subject is not None and subject.alert is not None and subject.alert.id == alert.id:
             subject.alert = None if over else changed
         if over:

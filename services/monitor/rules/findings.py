@@ -1,7 +1,7 @@
 """Evaluates the conditions of rules on one change or on the current state of one camera. Pure."""
 
 from collections.abc import Iterator, Mapping
-from typing import assert_never
+from typing import Final, assert_never
 
 import msgspec
 
@@ -19,6 +19,8 @@ from services.monitor.rules.model import (
     UnderRule,
     WorldRule,
 )
+
+COMING_AND_GOING: Final = (ChangeKind.APPEARED, ChangeKind.VANISHED)
 
 
 class CameraState(msgspec.Struct, frozen=True, gc=False):
@@ -44,13 +46,15 @@ class CameraState(msgspec.Struct, frozen=True, gc=False):
 class Finding(msgspec.Struct, frozen=True, gc=False):
     """Whether a rule's condition holds for a class, and the alert's text where it does. object: for this one alone.
 
-    holds: None where it is not known any more. since_ns: since when it holds, epoch; now unless given.
+    holds: None where it is not known any more. since_ns: since when it holds, epoch; now unless given. until_ns: of one
+    that holds no more, until when it was seen to; unknown unless given.
     """
 
     name: str
     holds: bool | None
     text: str = ""
     since_ns: int | None = None
+    until_ns: int | None = None
     object: str = ""
 
 
@@ -90,21 +94,35 @@ def findings(rule: AnyRule, look: CameraState) -> Iterator[Finding]:
 
 
 def found_in(change: Change, rule: AnyRule) -> Finding | None:
-    """Return an appears or disappears rule's finding for a change; None for other rules."""
+    """Return a rule's finding for a change, with its time; None for rules that are not about what is in view."""
     of = change.sighting
-    if not isinstance(rule, AppearsRule | DisappearsRule) or rule.of != of.name:
+    told = _told_by(change, rule)
+    if told is None:
         return None
-    match change.kind:
-        case ChangeKind.APPEARED:
-            appears = isinstance(rule, AppearsRule)
-            text = alert_texts.appeared(of.name, of.key)
-            return None if appears and change.first_look else Finding(of.name, appears, text)
-        case ChangeKind.VANISHED:
-            return Finding(of.name, isinstance(rule, DisappearsRule), alert_texts.disappeared(of.name, of.key))
-        case ChangeKind.COUNTED | ChangeKind.LOST:
+    holds, text = told
+    if holds:
+        return Finding(of.name, holds=True, text=text, since_ns=of.since_ns)
+    # what vanished was seen in its last list; any other count lasts until the list that moved it
+    seen_last = change.kind is ChangeKind.VANISHED and not isinstance(rule, UnderRule)
+    return Finding(of.name, holds=False, until_ns=of.last_ns if seen_last else of.since_ns - 1)
+
+
+def _told_by(change: Change, rule: AnyRule) -> tuple[bool, str] | None:
+    """Return whether a rule's condition holds after a change, and the alert's text; None if that is not told."""
+    of, kind = change.sighting, change.kind
+    match rule:
+        case AppearsRule() | DisappearsRule() | OverRule() | UnderRule() if rule.of != of.name:
             return None
+        case AppearsRule() if kind in COMING_AND_GOING and not change.first_look:
+            return kind is ChangeKind.APPEARED, alert_texts.appeared(of.name, of.key)
+        case DisappearsRule() if kind in COMING_AND_GOING:
+            return kind is ChangeKind.VANISHED, alert_texts.disappeared(of.name, of.key)
+        case OverRule() if kind is not ChangeKind.LOST:
+            return of.count > rule.count, alert_texts.over(of.name, of.key, of.count, rule.count)
+        case UnderRule() if kind is not ChangeKind.LOST and not change.first_look:
+            return of.count < rule.count, alert_texts.under(of.name, of.key, of.count, rule.count)
         case _:
-            assert_never(change.kind)
+            return None
 
 
 def _silent(look: CameraState) -> Finding:

@@ -190,19 +190,19 @@ def _changes(steps: Iterable[Step], memory: _Memory) -> Iterator[Change]:
     for step, of in some:
         if of.place in ended & began:
             continue
-        sighting = _sighting(of, memory.cameras[of.key].counts[of.name])
+        sighting = _sighting(of, memory.cameras[of.key].counts[of.name], of.since_ns if step.begins else step.at_ns)
         kind = ChangeKind.APPEARED if step.begins else ChangeKind.VANISHED
         yield Change(kind, sighting, first_look=step.unseen)
 
 
-def _sighting(interval: Interval, seen: int) -> Sighting:
+def _sighting(interval: Interval, seen: int, since_ns: int) -> Sighting:
     return Sighting(
         key=interval.key,
         name=interval.name,
         count=seen,
         score=interval.score,
         first_ns=interval.first_ns,
-        since_ns=interval.since_ns,
+        since_ns=since_ns,
         last_ns=interval.until_ns,
         model=interval.model,
         worker=interval.worker,

@@ -1,6 +1,6 @@
 """Subjects of rules: their condition, their alert, and when the alert is due. Pure."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from heapq import heapify, heappop, heappush
@@ -85,7 +85,7 @@ class UnknownAlertError(Exception):
 class Effect:
     """A changed alert. rule: the one that raised it; None if it was removed. raised: it is new, so send the action.
 
-    escalated: it escalates, or had escalated before.
+    One that was over before it was known is not `raised`. escalated: it escalates, or had escalated before.
     """
 
     alert: Alert
@@ -104,6 +104,66 @@ class Subject:
     text: str = ""
     raised_ns: int | None = None
     alert: Alert | None = None
+
+
+class Subjects:
+    """The subjects of each rule. most: how many there may be; of more, those that come later are left out."""
+
+    def __init__(self, rules: Iterable[str], most: int) -> None:
+        self._most = most
+        self._of: dict[str, dict[SubjectKey, Subject]] = {rule: {} for rule in rules}
+        self._full = self._refused = False
+
+    def __iter__(self) -> Iterator[tuple[str, SubjectKey, Subject]]:
+        """Yield each with its rule and place."""
+        return ((rule, place, each) for rule, subjects in self._of.items() for place, each in subjects.items())
+
+    def get(self, rule: str, place: SubjectKey) -> Subject | None:
+        """Return the subject of a rule at a place, if it is followed."""
+        return self._of.get(rule, {}).get(place)
+
+    def known(self, rule: str, place: SubjectKey) -> Subject:
+        """Return one that is followed."""
+        return self._of[rule][place]
+
+    def take(self, rule: str, place: SubjectKey) -> Subject | None:
+        """Return the subject of a rule at a place, a new one if need be; None if there is no room for it."""
+        if place not in self._of[rule]:
+            if not self._has_room():
+                self._refused = True
+                return None
+            self._of[rule][place] = Subject()
+        return self._of[rule][place]
+
+    def drop(self, rule: str, place: SubjectKey) -> None:
+        """Forget one that is followed."""
+        del self._of[rule][place]
+
+    def keep(self, same: Collection[str], rules: Iterable[str]) -> None:
+        """Follow those of other rules. same: the rules whose subjects are kept."""
+        self._of = {rule: self._of[rule] if rule in same else {} for rule in rules}
+        self._full = self._refused = False
+
+    def has_room_again(self) -> bool:
+        """Whether there is room again for some that were left out, once: then all must be offered again."""
+        if not self._refused or not self._has_room():
+            return False
+        self._refused = False
+        return True
+
+    def make_room_again(self) -> None:
+        """Let those that are remembered for their cooldown alone make room, once until the next call."""
+        self._full = False
+
+    def _has_room(self) -> bool:
+        if sum(map(len, self._of.values())) < self._most:
+            return True
+        if self._full:
+            return False
+        for rule, subjects in self._of.items():
+            self._of[rule] = {place: subject for place, subject in subjects.items() if subject.holds}
+        self._full = sum(map(len, self._of.values())) >= self._most
+        return not self._full
 
 
 def linked(alert: Alert, page: str) -> Alert:

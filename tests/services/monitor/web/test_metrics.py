@@ -95,7 +95,7 @@ async def test_a_history_that_is_not_kept_is_degraded_and_no_more(tmp_path: Path
 async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: Web) -> None:
     fill(web.monitor.fleet)
     web.monitor.fleet.left_out[ODD] += 3
-    web.monitor.alerting._webhooks.counts[ODD, Outcome.DROPPED] += 6
+    web.monitor.alerting._delivery.webhooks.counts[ODD, Outcome.DROPPED] += 6
     async with await web.program() as program:
         answer = await program.get("/metrics")
         assert answer.headers["Content-Type"] == "text/plain; version=0.0.4; charset=utf-8"
@@ -161,7 +161,7 @@ async def test_the_page_of_the_monitor_names_every_metric(web: Web) -> None:
     web.monitor.fleet.sites.take(site_status("hall", box=1), time.time_ns())
     web.monitor.fleet.world = World([DOCK])
     web.monitor.fleet.world.sites["hall"].replace("e", 0, [thing("a", 1)])
-    web.monitor.alerting._webhooks.counts["ops", Outcome.GIVEN_UP] += 1
+    web.monitor.alerting._delivery.webhooks.counts["ops", Outcome.GIVEN_UP] += 1
     async with await web.program() as program:
         text = (await program.get("/metrics")).text
     samples = [sample for family in text_string_to_metric_families(text) for sample in family.samples]

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 
 from schemas.alerts import Alert
@@ -10,6 +10,7 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.presence import Presence, PresenceKey
 from services.monitor.history.settings import HistorySettings
+from services.monitor.history.state import Act
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
 from services.monitor.map.last_seen import SightingMap
@@ -28,7 +29,10 @@ class Monitor:
         self.inventory = Inventory(LIMITS)
         self.places = SightingMap()
         settings = HistorySettings(history=url)
-        self.history = HistoryKeeper(settings, self.inventory, lambda of, _acts: self.led.append(list(of)), self.places)
+        self.history = HistoryKeeper(settings, self.inventory, self._lead, self.places)
+
+    def _lead(self, alerts: Sequence[Alert], _acts: Sequence[Act], _since_ns: int) -> None:
+        self.led.append(list(alerts))
 
     def see(self, seq: int, at_ns: int | None = None, /, **counts: int) -> None:
         changes = self.inventory.see(seen(seq, counts), at_ns or time.time_ns())

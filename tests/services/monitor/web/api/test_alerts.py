@@ -132,7 +132,7 @@ async def test_a_webhook_that_takes_no_alerts_is_among_the_monitors_problems(web
             return found
 
         web.monitor.rules.book = RuleBook(webhooks={"ops": webhook})
-        webhooks = web.monitor.alerting._webhooks
+        webhooks = web.monitor.alerting._delivery.webhooks
         running = asyncio.create_task(webhooks.run())
         webhooks.post("ops", webhook, alert())
         await until(lambda: webhooks.counts)

@@ -1,0 +1,148 @@
+"""Alerts about conditions that were over before anybody could look."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from schemas.alerts import Action, Alert, AlertState
+from schemas.keys import ACTIONS, ALERTS
+from tests.contract.waiting import until
+from tests.schemas.results import alert
+from tests.services.monitor.alerting.rigging import Rig, received, rigged
+from tests.services.monitor.inventory.seeing import S
+
+RULES = """
+rules:
+  - {name: came, when: appears, class: pallet, action: {name: pick_up, payload: ""}}
+  - {name: many, when: over, class: box, count: 2, for_s: 3}
+"""
+
+RAISED, RESOLVED = AlertState.RAISED, AlertState.RESOLVED
+
+
+@pytest.fixture
+async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
+    async with rigged(tmp_path, text=RULES) as made:
+        await asyncio.sleep(0.3)  # it has looked around
+        yield made
+
+
+async def test_what_late_lists_tell_to_have_passed_is_raised_and_resolved_with_its_own_times(rig: Rig) -> None:
+    now_ns = time.time_ns()
+    rig.see(ago_s=20)
+    rig.see(ago_s=15, pallet=1, box=3)
+    rig.see(ago_s=11, box=3)
+    rig.see(ago_s=10, box=1)
+    await until(lambda: len(rig.kept) == 4)
+    assert rig.states() == [("came", RAISED), ("came", RESOLVED), ("many", RAISED), ("many", RESOLVED)]
+    came_s, went_s, many_s, over_s = ((each.changed_ns - now_ns) / S for each in rig.kept)
+    assert came_s == pytest.approx(-15, abs=0.5)
+    assert went_s == pytest.approx(-15, abs=0.5), "the last list that had it"
+    assert many_s == pytest.approx(-12, abs=0.5), "it had to hold for three seconds"
+    assert over_s == pytest.approx(-10, abs=0.5)
+    assert rig.alerting.alerts() == []
+
+
+async def test_no_robot_acts_on_what_has_passed(rig: Rig) -> None:
+    async with received(rig.theirs, ALERTS, Alert) as alerts, received(rig.theirs, ACTIONS, Action) as actions:
+        rig.see(ago_s=20)
+        rig.see(ago_s=15, pallet=1)
+        rig.see(ago_s=10)
+        await until(lambda: [each.state for each in alerts if isinstance(each, Alert)] == [RAISED, RESOLVED])
+        rig.see(pallet=1)
+        await until(lambda: bool(actions))
+        assert [each.sent_ns for each in actions if isinstance(each, Action)] == [rig.kept[-1].changed_ns]
+
+
+async def test_what_the_other_monitor_raised_is_over_when_it_comes_again(rig: Rig) -> None:
+    rig.leads = False
+    await asyncio.sleep(0.3)
+    now_ns = time.time_ns()
+    rig.see(ago_s=20)
+    rig.see(ago_s=18, box=3)
+    rig.see(ago_s=8, box=1)
+    rig.see(ago_s=7, box=4)
+    rig.see(ago_s=2, box=1)
+    rig.leads = True
+    raised_ns = now_ns - 15 * S
+    theirs = msgspec.structs.replace(alert(id_="theirs"), rule="many", name="box", raised_ns=raised_ns)
+    rig.alerting.lead([theirs], since_ns=now_ns - 10 * S)
+    await until(lambda: len(rig.kept) == 3)
+    await asyncio.sleep(0.3)
+    assert sorted(rig.states()) == [("many", RAISED), ("many", RESOLVED), ("many", RESOLVED)]
+    assert len({each.id for each in rig.kept}) == 2
+
+
+async def test_a_cooldown_holds_in_hindsight(tmp_path: Path) -> None:
+    text = "rules: [{name: came, when: appears, class: pallet, cooldown_s: 8}]"
+    async with rigged(tmp_path, text=text) as rig:
+        await asyncio.sleep(0.3)
+        for ago_s in (30, 25, 20, 15):
+            rig.see(ago_s=ago_s)
+            rig.see(ago_s=ago_s - 1, pallet=1)
+        rig.see(ago_s=10)
+        rig.see(box=1)
+        await until(lambda: len(rig.kept) == 4)
+        await asyncio.sleep(0.3)
+        raised = [each.raised_ns for each in rig.kept if each.state is RAISED]
+        assert [(each - raised[0]) / S for each in raised] == pytest.approx([0, 10], abs=0.5)
+
+
+async def test_too_short_is_not_enough_in_hindsight_either(rig: Rig) -> None:
+    rig.see(ago_s=20)
+    rig.see(ago_s=15, box=3)
+    rig.see(ago_s=12.5, box=1)
+    rig.see(pallet=1)
+    await until(lambda: rig.states() == [("came", RAISED)])
+
+
+async def test_what_was_looked_at_in_time_is_raised_once(rig: Rig) -> None:
+    rig.see()
+    rig.see(pallet=1)
+    await until(lambda: rig.states() == [("came", RAISED)])
+    rig.see(ago_s=-5)  # of which one hears late: the clocks differ
+    await until(lambda: rig.states()[1:] == [("came", RESOLVED)])
+    await asyncio.sleep(0.3)
+    assert len({each.id for each in rig.kept}) == 1
+
+
+async def test_what_still_holds_is_raised_and_stays(rig: Rig) -> None:
+    rig.see(ago_s=20)
+    rig.see(ago_s=15, pallet=1)
+    rig.see(pallet=1)
+    await until(lambda: rig.states() == [("came", RAISED)])
+    assert [each.rule for each in rig.alerting.alerts()] == ["came"]
+
+
+async def test_what_passed_before_the_other_monitor_wrote_last_is_its_own(rig: Rig) -> None:
+    rig.leads = False
+    await asyncio.sleep(0.3)
+    now_ns = time.time_ns()
+    rig.see(ago_s=20)
+    rig.see(ago_s=18, pallet=1)
+    rig.see(ago_s=16)
+    rig.see(ago_s=8, pallet=2)
+    rig.see(ago_s=6)
+    rig.leads = True
+    rig.alerting.lead((), since_ns=now_ns - 10 * S)
+    await until(lambda: rig.states() == [("came", RAISED), ("came", RESOLVED)])
+    assert rig.kept[0].raised_ns == pytest.approx(now_ns - 8 * S, abs=S)
+
+
+async def test_what_the_other_monitor_raised_is_resolved_once(rig: Rig) -> None:
+    rig.leads = False
+    await asyncio.sleep(0.3)
+    now_ns = time.time_ns()
+    rig.see(ago_s=20)
+    rig.see(ago_s=18, pallet=1)
+    rig.see(ago_s=8)
+    rig.leads = True
+    theirs = msgspec.structs.replace(alert(id_="theirs", robot="r1"), rule="came", name="pallet")
+    rig.alerting.lead([theirs], since_ns=now_ns - 10 * S)
+    await until(lambda: bool(rig.kept))
+    await asyncio.sleep(0.3)
+    assert [(each.id, each.state) for each in rig.kept] == [("theirs", RESOLVED)]
