@@ -27,7 +27,7 @@ from bus.api import (
     SubscriptionCounts,
     Watch,
 )
-from bus.delivery.pieces import Payload, Pieces
+from bus.delivery.split_payload import Payload, Pieces
 from bus.errors import BusClosedError, BusError, NotServedError, RefusedError, RequestError, RequestTimeoutError
 from bus.settings import BusSettings
 from bus.zenoh_bus import open_bus

@@ -9,7 +9,7 @@ from typing import Final, Protocol, Self
 
 import msgspec
 
-from bus.delivery.pieces import Payload
+from bus.delivery.split_payload import Payload
 from bus.session.link_use import LinkUse
 
 

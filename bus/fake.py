@@ -20,8 +20,8 @@ from bus.api import (
     Subscription,
     Watch,
 )
-from bus.delivery.pieces import Payload
 from bus.delivery.reading import PresenceReader, SampleReader
+from bus.delivery.split_payload import Payload
 from bus.delivery.writing import MessageWriter
 from bus.demand import Demand
 from bus.errors import BusClosedError

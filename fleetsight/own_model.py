@@ -15,7 +15,7 @@ from bus.reporting import VERSION, report
 from bus.sharing import Sharing, SharingSettings
 from bus.sharing.rate_request import RateRequest
 from bus.sharing.sharing import say_unwanted
-from bus.sharing.tally import Tallies, Tally
+from bus.sharing.work_counts import Tallies, Tally
 from fleetsight.errors import FleetsightError, translated
 from fleetsight.own_results import Results, publishing, readable
 from fleetsight.streams import Iterations

@@ -132,7 +132,7 @@ class Offers:
         self._offers[key] = _Offer(task, topic, kind, offered)
 
     async def _run(self, key: SensorKey, stream: StreamForward, offered: asyncio.Event) -> None:
-        async with offering(self._bus, stream, self._shaping.outlet) as forward:
+        async with offering(self._bus, stream, self._shaping.output) as forward:
             self._offers[key].forward = forward
             offered.set()
             await forward.run(self.topics)

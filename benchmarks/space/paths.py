@@ -5,7 +5,7 @@ from typing import Final
 
 from benchmarks.space.messages import cloud_of, depth_of, detections_of, header, info_of, transforms_of
 from benchmarks.space.views import DEPTH_CAMERA, SpaceView
-from bus.sharing.tally import Tally
+from bus.sharing.work_counts import Tally
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detection, Detections
 from schemas.distances import ObjectDistance
@@ -17,11 +17,11 @@ from schemas.transforms import Transforms
 from services.cloud.cutting import Job, cut
 from services.cloud.measuring import CloudLimits
 from services.cloud.waiting import CloudJoiner
+from services.distance.depth_in_color_view import DepthLimits as Readings
+from services.distance.depth_in_color_view import Views
 from services.distance.depth_readings import Criteria
 from services.distance.measuring import DepthView, measure, unknown
 from services.distance.sensor_history import DEPTH_IMAGE, SensorHistory
-from services.distance.views import DepthLimits as Readings
-from services.distance.views import Views
 from services.geometry.errors import GeometryError
 from services.simulator.placement import BASE, COLOR_OPTICAL, DEPTH_OPTICAL, LIDAR, MAP
 from services.worker.stamp_joiner import Joiner

@@ -16,7 +16,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from benchmarks.space.messages import STAMP_NS, cloud_of, detections_of, header, transforms_of
-from bus.sharing.tally import Tally
+from bus.sharing.work_counts import Tally
 from schemas.keys import CameraKey
 from services.cloud.waiting import CloudJoiner
 from services.simulator.placement import BASE, COLOR_OPTICAL, LIDAR, ODOM

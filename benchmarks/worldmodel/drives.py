@@ -12,8 +12,8 @@ from benchmarks.worldmodel.scoring import FoundObject, IdentityScore, InventoryS
 from schemas.world import ChangeKind, WorldChange
 from services.monitor.map.last_seen import SightingMap
 from services.simulator.localisation import Drift, Lost
-from services.worldmodel.inventory import Inventory
 from services.worldmodel.model import SiteModel
+from services.worldmodel.published_objects import Inventory
 
 LOOK_EVERY_S: Final = 2.0
 """Seconds between two comparisons of ids."""

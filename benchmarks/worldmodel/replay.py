@@ -12,9 +12,9 @@ from benchmarks.accuracy.drives import SENSORS
 from benchmarks.worldmodel.recording import RecordedImage, RecordedRound
 from schemas.distances import CameraView, Distances
 from services.distance.camera_views import Place, ViewMaker
+from services.distance.depth_in_color_view import DepthLimits
 from services.distance.depth_readings import Criteria
 from services.distance.measuring import DepthView, Frame, measure_apart
-from services.distance.views import DepthLimits
 from services.geometry.camera import CameraModel
 from services.geometry.depth import Depth
 from services.geometry.distortion import distortion_of

@@ -10,7 +10,7 @@ from typing import Final
 import zenoh
 from zenoh.shm import ShmProvider, ZShmMut
 
-from bus.delivery.pieces import Payload, Pieces, joined
+from bus.delivery.split_payload import Payload, Pieces, joined
 from bus.errors import BusError
 from bus.session.panics import panics_are_errors
 

@@ -8,7 +8,7 @@ from typing import Final, Protocol
 
 from bus.api import PublisherCounts
 from bus.delivery.mailbox import PerKey
-from bus.delivery.pieces import Payload
+from bus.delivery.split_payload import Payload
 from bus.demand import Demand
 from bus.errors import BusClosedError
 

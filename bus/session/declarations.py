@@ -12,8 +12,8 @@ from zenoh import CongestionControl, Priority, Reliability
 from zenoh.handlers import Callback
 
 from bus.api import MAX_REQUEST_BYTES, SMALL_BYTES, SMALL_WAITING, Handler, QoS, Reply, Request
-from bus.delivery.pieces import Payload, joined
 from bus.delivery.shared_memory import SharedFrames
+from bus.delivery.split_payload import Payload, joined
 from bus.delivery.writing import Lane, MessageWriter
 from bus.demand import Demand
 from bus.history.keeping import CacheServer, KeptMessages

@@ -7,9 +7,9 @@ from functools import cache
 from typing import Any, Final
 
 from gateway.ros1.errors import InvalidNameError, MessageError, UnknownTypeError
-from gateway.ros1.msg.catalogue import DEFINITIONS, REQUEST, RESPONSE, SERVICES
 from gateway.ros1.msg.codec import NOT_SUCH_A_MESSAGE, Codec, Duration, Time, compiled
 from gateway.ros1.msg.definition import md5sum, whole_text
+from gateway.ros1.msg.known_messages import DEFINITIONS, REQUEST, RESPONSE, SERVICES
 from gateway.ros1.names import validate_type
 from gateway.ros1.wire.tcpros import ANY, PublisherAccepted, TopicType
 

@@ -12,7 +12,7 @@ from bus import Bus, Publisher
 from bus.demand import SharedDemand, while_wanted
 from gateway.ros1.tcpros.subscriber import LinkFailure, Message, Subscription
 from gateway.ros1.wire.tcpros import ANY
-from gateway.to_bus.shaping.outlet import Outlet, OutletCounts, OutletOf, unshaped
+from gateway.to_bus.shaping.stream_output import OutputCounts, OutputOf, StreamOutput, unshaped
 from gateway.to_bus.stream import StreamForward
 from gateway.to_bus.subscriptions import Latched, Subscriptions, latching
 from schemas.header import MAX_LABEL
@@ -38,8 +38,8 @@ class Forward:
     stream: StreamForward
     demand: SharedDemand
     publisher: Publisher
-    outlet: Outlet
-    outlet_of: OutletOf
+    output: StreamOutput
+    output_of: OutputOf
     linger_s: float
     subscription: Subscription | None = None
     latched: Latched | None = None
@@ -53,14 +53,14 @@ class Forward:
             publishers=sum(link.connected for link in links),
             replaced=self.publisher.counts.dropped + (self.latched.dropped if self.latched else 0),
             broken_links=self._broken(),
-            outlet=self.outlet.counts + (self.latched.counts if self.latched else OutletCounts()),
+            output=self.output.counts + (self.latched.counts if self.latched else OutputCounts()),
             now_ns=time.time_ns(),
             problem="; ".join(self._problems())[:MAX_LABEL],
         )
 
     def retire(self) -> None:
         """Add the counts to the stream; call once, when it is no longer offered."""
-        self.stream.retire(replaced=self.publisher.counts.dropped, broken_links={}, outlet=self.outlet.counts)
+        self.stream.retire(replaced=self.publisher.counts.dropped, broken_links={}, output=self.output.counts)
 
     def _broken(self) -> Counter[str]:
         return self._failures() - self.broken_before
@@ -106,7 +106,7 @@ class Forward:
         kind = self.stream.kind
         accepted = [name for name in kind.translators if name != ANY]
         try:
-            async with latching(self.bus, self.stream.key, self.stream.topic, kind.encoding, self.outlet_of) as latched:
+            async with latching(self.bus, self.stream.key, self.stream.topic, kind.encoding, self.output_of) as latched:
                 self.latched = latched  # latched messages come while subscribing
                 async with topics.subscribe(
                     self.stream.topic,
@@ -123,7 +123,7 @@ class Forward:
 
     def _add_up(self) -> None:
         if self.latched:
-            self.stream.retire(replaced=self.latched.dropped, broken_links=self._broken(), outlet=self.latched.counts)
+            self.stream.retire(replaced=self.latched.dropped, broken_links=self._broken(), output=self.latched.counts)
         self.subscription = self.latched = None
 
     def _on_message(self, message: Message) -> None:
@@ -136,7 +136,7 @@ class Forward:
             return
         latched = self.latched if latching and not merges else None
         if latched is None or not latched.put(message.uri, translated, len(message.data)):
-            self.outlet.put(translated)
+            self.output.put(translated)
 
 
 def _with_cure(problem: str) -> str:
@@ -146,11 +146,11 @@ def _with_cure(problem: str) -> str:
 
 @asynccontextmanager
 async def offering(
-    bus: Bus, stream: StreamForward, outlet_of: OutletOf = unshaped, *, linger_s: float = LINGER_S
+    bus: Bus, stream: StreamForward, output_of: OutputOf = unshaped, *, linger_s: float = LINGER_S
 ) -> AsyncIterator[Forward]:
     """Offer a stream on the bus while the context lasts.
 
-    outlet_of: what a publisher's messages go through. linger_s: how long the topic stays subscribed when nobody wants
+    output_of: what a publisher's messages go through. linger_s: how long the topic stays subscribed when nobody wants
         it any more.
     """
     demand = SharedDemand()
@@ -160,5 +160,5 @@ async def offering(
         bus.publisher(key, kind.qos, encoding=kind.encoding, on_demand=demand.of(key)) as publisher,
         bus.announce(stream.key.alive),
     ):
-        with outlet_of(stream.key, publisher) as outlet:
-            yield Forward(bus, stream, demand, publisher, outlet, outlet_of, linger_s)
+        with output_of(stream.key, publisher) as output:
+            yield Forward(bus, stream, demand, publisher, output, output_of, linger_s)

@@ -12,7 +12,7 @@ from gateway.ros1.messages import ANY_TYPE, message_type
 from gateway.ros1.tcpros.subscriber import Message
 from gateway.ros1.wire.tcpros import TopicType
 from gateway.to_bus.shaping.frame_rates import StreamRate
-from gateway.to_bus.shaping.outlet import OutletCounts
+from gateway.to_bus.shaping.stream_output import OutputCounts
 from gateway.to_bus.translators import (
     Incomplete,
     Merging,
@@ -140,7 +140,7 @@ class StreamForward:
         self._received_rate, self._forwarded_rate = Meter(), Meter()
         self._replaced = 0
         self._broken_links: Counter[str] = Counter()
-        self._shaped = OutletCounts()
+        self._shaped = OutputCounts()
         self.reset()
 
     def reset(self) -> None:
@@ -237,18 +237,18 @@ class StreamForward:
             received_ns=now_ns,
         )
 
-    def retire(self, *, replaced: int, broken_links: Mapping[str, int], outlet: OutletCounts) -> None:
-        """Add the final counts (see `status`) of an ended subscription or outlet to the stream's."""
+    def retire(self, *, replaced: int, broken_links: Mapping[str, int], output: OutputCounts) -> None:
+        """Add the final counts (see `status`) of an ended subscription or output to the stream's."""
         self._replaced += replaced
         self._broken_links.update(broken_links)
-        self._shaped += outlet
+        self._shaped += output
 
     def dropped(self) -> Counter[str]:
-        """Return the drops of ended subscriptions and outlets, by reason."""
+        """Return the drops of ended subscriptions and outputs, by reason."""
         return self._dropped + self._lost(0, self._shaped)
 
-    def _lost(self, replaced: int, outlet: OutletCounts) -> Counter[str]:
-        return Counter(outlet.dropped) + Counter({REPLACED_BEFORE_LINK: self._replaced + replaced})
+    def _lost(self, replaced: int, output: OutputCounts) -> Counter[str]:
+        return Counter(output.dropped) + Counter({REPLACED_BEFORE_LINK: self._replaced + replaced})
 
     def status(
         self,
@@ -257,17 +257,17 @@ class StreamForward:
         publishers: int,
         replaced: int,
         broken_links: Mapping[str, int],
-        outlet: OutletCounts | None = None,
+        output: OutputCounts | None = None,
         now_ns: int = 0,
         problem: str = "",
     ) -> StreamStatus:
         """Return the stream's status, which accounts for every message.
 
-        replaced: how many payloads a newer one replaced before the link. outlet: what became of them before that.
+        replaced: how many payloads a newer one replaced before the link. output: what became of them before that.
         These and `broken_links` are about what goes on now; what was told to `retire` is added. now_ns: as `take` has
         it.
         """
-        shaped = self._shaped + (outlet or OutletCounts())
+        shaped = self._shaped + (output or OutputCounts())
         lost = self._lost(replaced, shaped)
         forwarded = self._translated - lost.total()
         return StreamStatus(

@@ -13,7 +13,7 @@ from gateway.ros1.node import Node
 from gateway.ros1.tasks import TaskScope
 from gateway.ros1.tcpros.subscriber import Message, Subscription
 from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES
-from gateway.to_bus.shaping.outlet import Outlet, OutletCounts, OutletOf
+from gateway.to_bus.shaping.stream_output import OutputCounts, OutputOf, StreamOutput
 from schemas import codec
 from schemas.keys import SensorKey
 from schemas.status import ENDED
@@ -34,14 +34,14 @@ class _Kept:
     """The latched message of one ROS publisher.
 
     is_small: whether its messages are queued, rather than that the newest replaces those that wait. waiting: its last
-    messages until there is a bus publisher, and an outlet to it.
+    messages until there is a bus publisher, and an output to it.
     """
 
     is_small: bool
     size: int = 0
     waiting: deque[codec.Message] = field(default_factory=deque)
     publisher: Publisher | None = None
-    outlet: Outlet | None = None
+    output: StreamOutput | None = None
     closed: asyncio.Event = field(default_factory=asyncio.Event)
 
     @property
@@ -50,7 +50,7 @@ class _Kept:
         return QoS.STATUS if self.is_small else QoS.LATCHED
 
     def wait(self, message: codec.Message) -> int:
-        """Queue a message for the outlet; return the number of older ones dropped for it."""
+        """Queue a message for the output; return the number of older ones dropped for it."""
         self.waiting.append(message)
         lost = max(0, len(self.waiting) - (SMALL_WAITING if self.is_small else 1))
         for _ in range(lost):
@@ -59,13 +59,13 @@ class _Kept:
 
     @property
     def dropped(self) -> int:
-        """Messages replaced by newer ones between outlet and bus."""
+        """Messages replaced by newer ones between output and bus."""
         return self.publisher.counts.dropped if self.publisher else 0
 
     @property
-    def counts(self) -> OutletCounts:
-        """Counts of the messages in the outlet."""
-        return self.outlet.counts if self.outlet else OutletCounts()
+    def counts(self) -> OutputCounts:
+        """Counts of the messages in the output."""
+        return self.output.counts if self.output else OutputCounts()
 
 
 class Latched:
@@ -75,19 +75,19 @@ class Latched:
     """
 
     def __init__(
-        self, bus: Bus, key: SensorKey, topic: str, encoding: str, outlet_of: OutletOf, *, scope: TaskScope
+        self, bus: Bus, key: SensorKey, topic: str, encoding: str, output_of: OutputOf, *, scope: TaskScope
     ) -> None:
         self.problem = ""
         self._bus = bus
         self._key = key
         self._topic = topic
         self._encoding = encoding
-        self._outlet_of = outlet_of
+        self._output_of = output_of
         self._scope = scope
         self._kept: dict[str, _Kept] = {}
         self._open: set[_Kept] = set()
         self._dropped = 0
-        self._shaped = OutletCounts()
+        self._shaped = OutputCounts()
 
     @property
     def dropped(self) -> int:
@@ -95,8 +95,8 @@ class Latched:
         return self._dropped + sum(kept.dropped for kept in self._open)
 
     @property
-    def counts(self) -> OutletCounts:
-        """Counts of the messages in all outlets."""
+    def counts(self) -> OutputCounts:
+        """Counts of the messages in all outputs."""
         return sum((kept.counts for kept in self._open), self._shaped)
 
     def put(self, publisher: str, message: codec.Message, size: int) -> bool:
@@ -110,8 +110,8 @@ class Latched:
             return False
         kept = self._place(publisher, is_small=size <= SMALL_BYTES)
         kept.size = size
-        if kept.outlet is not None:
-            kept.outlet.put(message, may_be_last=True)
+        if kept.output is not None:
+            kept.output.put(message, may_be_last=True)
         else:
             self._dropped += kept.wait(message)
         return True
@@ -151,10 +151,10 @@ class Latched:
     async def _keep(self, kept: _Kept) -> None:
         try:
             async with self._bus.publisher(str(self._key), kept.qos, encoding=self._encoding) as publisher:
-                with self._outlet_of(self._key, publisher) as outlet:
-                    kept.publisher, kept.outlet = publisher, outlet
+                with self._output_of(self._key, publisher) as output:
+                    kept.publisher, kept.output = publisher, output
                     while kept.waiting:
-                        outlet.put(kept.waiting.popleft(), may_be_last=True)
+                        output.put(kept.waiting.popleft(), may_be_last=True)
                     await kept.closed.wait()
         finally:
             self._add_up(kept)
@@ -162,14 +162,14 @@ class Latched:
     def _add_up(self, kept: _Kept) -> None:
         self._open.discard(kept)
         self._dropped += kept.dropped
-        self._shaped += kept.counts + OutletCounts({ENDED: len(kept.waiting)})
+        self._shaped += kept.counts + OutputCounts({ENDED: len(kept.waiting)})
 
 
 @asynccontextmanager
-async def latching(bus: Bus, key: SensorKey, topic: str, encoding: str, outlet_of: OutletOf) -> AsyncIterator[Latched]:
+async def latching(bus: Bus, key: SensorKey, topic: str, encoding: str, output_of: OutputOf) -> AsyncIterator[Latched]:
     """Keep a stream's latched messages on the bus while the context lasts."""
     scope = TaskScope()
-    latched = Latched(bus, key, topic, encoding, outlet_of, scope=scope)
+    latched = Latched(bus, key, topic, encoding, output_of, scope=scope)
     try:
         async with scope:
             yield latched

@@ -13,7 +13,7 @@ import msgspec
 
 from bus import LATEST, QUEUE, Bus, Sample, Subscription
 from bus.clocks import clock_id
-from bus.sharing.tally import Tally
+from bus.sharing.work_counts import Tally
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.codec import Message

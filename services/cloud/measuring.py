@@ -16,8 +16,8 @@ from services.cloud.objects import Target, objects_of
 from services.cloud.outliers import crowded, own
 from services.cloud.outlines import AT_ONCE, Candidates, CloudView, Cutout, Masked, RegisteredView
 from services.cloud.points import CloudError, Floats, Indices, some
-from services.cloud.shape import Boxes, Level, fit
-from services.cloud.visible import shapes
+from services.cloud.upright_boxes import Boxes, Level, fit
+from services.cloud.visible_size import shapes
 from services.geometry.errors import MaskError
 from services.geometry.masks import Window, decode_all
 

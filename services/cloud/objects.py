@@ -13,7 +13,7 @@ from schemas.header import Header
 from schemas.objects import ObjectCloud, Shape, UprightBox
 from schemas.transforms import Transform
 from services.cloud.outlines import Cutout
-from services.cloud.shape import Boxes, Level
+from services.cloud.upright_boxes import Boxes, Level
 from services.geometry.rotation import moved, quaternion_of
 
 Numbers = NDArray[np.float64]

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from bus import Bus, Publisher, QoS, open_bus
 from bus.sharing.sharing import JOIN_S
-from bus.sharing.tally import Tallies, Tally
+from bus.sharing.work_counts import Tallies, Tally
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream, StreamKey

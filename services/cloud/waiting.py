@@ -4,7 +4,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Final
 
-from bus.sharing.tally import Tally
+from bus.sharing.work_counts import Tally
 from schemas.camera_info import CameraInfo
 from schemas.detections import Detections
 from schemas.header import FrameOrder, Header

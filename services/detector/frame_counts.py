@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from bus.sharing.tally import Tally
+from bus.sharing.work_counts import Tally
 from schemas.header import Header, gap
 from schemas.keys import CameraKey
 from schemas.status import MISSING

@@ -15,7 +15,7 @@ from bus import Bus, open_bus
 from bus.sharing import Pace
 from bus.sharing.rate_request import RateRequest
 from bus.sharing.sharing import JOIN_S, say_unwanted
-from bus.sharing.tally import Tallies
+from bus.sharing.work_counts import Tallies
 from schemas.header import MAX_LABEL
 from schemas.keys import CameraKey
 from schemas.status import MAX_CLASSES

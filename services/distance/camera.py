@@ -21,11 +21,11 @@ from schemas.errors import SchemaError
 from schemas.keys import TF, RobotStreamKey, Stream, StreamKey
 from schemas.status import UNWANTED
 from services.distance.camera_views import Place, ViewMaker, motion
+from services.distance.depth_in_color_view import Views
 from services.distance.depth_readings import Criteria
 from services.distance.measuring import DepthView, measure_apart, unknown
 from services.distance.sensor_history import ImageContext, SensorHistory
 from services.distance.sensor_input import FAILED, REPLACED, UNJOINED, DetectionCounts, SensorInput
-from services.distance.views import Views
 from services.geometry.errors import GeometryError, TransformError
 
 log = logging.getLogger(__name__)

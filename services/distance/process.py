@@ -7,15 +7,15 @@ from typing import Final
 
 from bus import Bus, Publisher, QoS, open_bus
 from bus.sharing.sharing import JOIN_S
-from bus.sharing.tally import Tallies
+from bus.sharing.work_counts import Tallies
 from schemas.distances import CameraView, Distances
 from schemas.keys import CameraKey, Stream
 from services.distance.camera import DistanceCamera, Viewing, work
 from services.distance.camera_views import ViewMaker
+from services.distance.depth_in_color_view import Views
 from services.distance.sensor_history import DEPTH_IMAGE, SensorHistory
 from services.distance.sensor_input import DetectionCounts
 from services.distance.settings import DistanceSettings
-from services.distance.views import Views
 from services.geometry.memory_budget import MIB, MemoryBudget
 from services.geometry.transforms import TransformTree
 from services.worker.stamp_joiner import Joiner

@@ -8,8 +8,8 @@ from schemas.camera_info import CameraInfo
 from schemas.detections import Detections
 from schemas.header import Header
 from schemas.image import ImageFrame
+from services.distance.depth_in_color_view import Instant, Transform
 from services.distance.measuring import Frame
-from services.distance.views import Instant, Transform
 from services.geometry.errors import TooNewError, TransformError
 from services.geometry.transforms import TransformTree, between
 from services.worker.stamp_joiner import Joiner, NoPartner

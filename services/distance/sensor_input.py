@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 
 from bus import LATEST, QUEUE, Bus, Sample
 from bus.api import Latest, Queue
-from bus.sharing.tally import Tally
+from bus.sharing.work_counts import Tally
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.errors import SchemaError

@@ -8,8 +8,8 @@ from bus.settings import BusSettings
 from bus.sharing.settings import SharingSettings
 from schemas.distances import MAX_PLACES
 from schemas.header import MAX_LABEL
+from services.distance.depth_in_color_view import DepthLimits
 from services.distance.depth_readings import Criteria
-from services.distance.views import DepthLimits
 from services.geometry.memory_budget import MEMORY_BYTES, MIB
 
 

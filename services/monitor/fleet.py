@@ -16,7 +16,7 @@ from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY, DuplicateGate
 from services.monitor.formats import cameras_in_order, natural_camera
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.room import MAX_MEMBERS, check_room, first_leaving
+from services.monitor.inventory.member_limit import MAX_MEMBERS, check_room, first_leaving
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.liveness import STALE_S, WORKER_ONLINE_NS, CameraLiveness, camera_state, is_stale
 from services.monitor.map.last_seen import SightingMap

@@ -18,8 +18,8 @@ from services.monitor.event_loop import CachedValue, in_turns
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive, HistoryQuery
-from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.state import Act
+from services.monitor.history.writer import HistoryWriter
 from services.monitor.inventory.inventory import Entry
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.rules.loading import remarks
@@ -78,7 +78,7 @@ class Monitor:
     fleet: Fleet
     rules: RuleFile
     alerting: Alerting
-    history: HistoryKeeper
+    history: HistoryWriter
     archive: Archive
     health: Health
     floor_plan: FloorPlan | None = None

@@ -26,10 +26,10 @@ from services.monitor.event_loop import AT_ONCE, arrivals_in_turns, in_turns, ke
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive
-from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import HistoryError, OtherVersionError
-from services.monitor.inventory.room import InventoryFullError
+from services.monitor.history.writer import HistoryWriter
+from services.monitor.inventory.member_limit import InventoryFullError
 from services.monitor.inventory.sighting import Change
 from services.monitor.join_address import how_to_join
 from services.monitor.liveness import Heartbeat
@@ -120,7 +120,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
     page = "" if settings.web_url is None else str(settings.web_url).rstrip("/")
     robot_ns = fleet.clocks.robot_ns
     alerting = Alerting(rules, fleet.inventory, heartbeat, conditions=conditions, robot_ns=robot_ns, page=page)
-    history = HistoryKeeper(
+    history = HistoryWriter(
         settings, fleet.inventory, alerting.lead, fleet.places, alerting, world=(fleet.world, fleet.sites)
     )
     monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan, zones)

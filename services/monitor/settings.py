@@ -11,8 +11,9 @@ from bus.settings import BusSettings, Endpoint, port_of
 from schemas.errors import SchemaError
 from schemas.keys import check_name
 from services.monitor.history.settings import HistorySettings, HistoryUrl, Moment, default_url
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import TrustLimits
-from services.monitor.inventory.sighting import NS, Debounce
+from services.monitor.inventory.sighting import NS
 from services.monitor.liveness import LOST_S, STALE_S
 from services.monitor.web.auth.users import Role
 from services.option_names import given_as_options

@@ -13,7 +13,7 @@ from bus.api import Bus, QoS
 from bus.demand import SharedDemand, while_wanted
 from bus.reporting import VERSION, report
 from bus.sharing.sharing import JOIN_S, Sharing, say_unwanted
-from bus.sharing.tally import Tallies, Tally
+from bus.sharing.work_counts import Tallies, Tally
 from schemas import codec
 from schemas.keys import CameraKey, Stream
 from schemas.status import WorkerStatus

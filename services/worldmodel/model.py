@@ -16,10 +16,10 @@ from services.worldmodel.frames import Frames
 from services.worldmodel.fusion import fuse
 from services.worldmodel.motion import drifts, move, moves
 from services.worldmodel.names import CameraName, Numbers
+from services.worldmodel.object_lifecycle import ObjectLifecycle, Rules, gain, note_seers
 from services.worldmodel.objects import Index, Objects
 from services.worldmodel.offsets import RIGHT, Offsets
 from services.worldmodel.placement import UNITS, Sightings, place
-from services.worldmodel.population import Population, Rules, gain, note_seers
 from services.worldmodel.solids import covers_several
 
 Rows = NDArray[np.intp]
@@ -57,7 +57,7 @@ class SiteModel:
         self.left_out: Counter[tuple[str, str]] = Counter()
         self.views = 0
         self.sightings = 0
-        self.population = Population(self.rules, self.classes, self.left_out)
+        self.lifecycle = ObjectLifecycle(self.rules, self.classes, self.left_out)
         self._swept_ns = 0
 
     def take(self, view: CameraView, at_ns: int) -> list[Event]:
@@ -66,14 +66,14 @@ class SiteModel:
 
     def take_all(self, views: Sequence[tuple[CameraView, int]]) -> list[Event]:
         """Take in views, in the order in which they were taken, and return what changed."""
-        self.population.begin()
+        self.lifecycle.begin()
         self.views += len(views)
         for some in self._rounds(views):
             self._round(some)
         if views and views[-1][1] - self._swept_ns > SWEEP_NS:
             self._swept_ns = views[-1][1]
-            self.population.sweep(self._swept_ns)
-        return self.population.events
+            self.lifecycle.sweep(self._swept_ns)
+        return self.lifecycle.events
 
     def restore(
         self, objects: Objects, classes: Sequence[str], cameras: Sequence[tuple[str, str]], next_number: int
@@ -82,7 +82,7 @@ class SiteModel:
         for name in classes:
             self.classes.number(name)
         self.cameras.restore(cameras)
-        self.population.restore(objects, next_number)
+        self.lifecycle.restore(objects, next_number)
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now: the clock was set back, and what is seen from now on is newer than what was."""
@@ -103,12 +103,12 @@ class SiteModel:
     @property
     def objects(self) -> Objects:
         """The objects by row."""
-        return self.population.objects
+        return self.lifecycle.objects
 
     @property
     def index(self) -> Index:
         """Which rows are near a place."""
-        return self.population.index
+        return self.lifecycle.index
 
     def _rounds(self, views: Sequence[tuple[CameraView, int]]) -> Iterator[Frames]:
         """Yield views in groups in which no robot is twice."""
@@ -156,10 +156,10 @@ class SiteModel:
         which, rows = np.concatenate([found.seen, moved.seen]), np.concatenate([found.of, moved.of])
         for some in _once_each(rows):
             self._update(frames, seen, (which[some], rows[some]), pose=pose, several=several)
-        keys = self.population.keys(seen.frame[which], rows)
-        self.population.create(frames, seen, new, pose)
-        self.population.confirm(frames, seen.frame[which], rows, looks, keys)
-        self.population.miss(frames, looks, keys)
+        keys = self.lifecycle.keys(seen.frame[which], rows)
+        self.lifecycle.create(frames, seen, new, pose)
+        self.lifecycle.confirm(frames, seen.frame[which], rows, looks, keys)
+        self.lifecycle.miss(frames, looks, keys)
 
     def _placed(self, frames: Frames) -> Sightings:
         number = self.classes.number
@@ -179,7 +179,7 @@ class SiteModel:
         still = objects.confirmed & (objects.hits >= SETTLED) & ~self.classes.moves[objects.cls]
         expected = looks.taken(still[looks.rows])
         met = np.isin(
-            self.population.keys(expected.frame, expected.rows), self.population.keys(seen.frame[found.seen], found.of)
+            self.lifecycle.keys(expected.frame, expected.rows), self.lifecycle.keys(seen.frame[found.seen], found.of)
         )
         count = len(frames)
         self.offsets.judge(

@@ -31,11 +31,11 @@ from schemas.world import (
     WorldRequest,
 )
 from services.worldmodel.floor import Floor
-from services.worldmodel.inventory import Inventory
 from services.worldmodel.model import SiteModel
 from services.worldmodel.names import CameraName, Roster
+from services.worldmodel.object_lifecycle import Rules
 from services.worldmodel.offsets import Localisation
-from services.worldmodel.population import Rules
+from services.worldmodel.published_objects import Inventory
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.state import StateError, restored, saved
 

@@ -48,7 +48,7 @@ def saved(site: str, prefix: str, last: int, model: SiteModel) -> bytes:
             site=site,
             prefix=prefix,
             last=last,
-            next_number=model.population.next_number,
+            next_number=model.lifecycle.next_number,
             classes=model.classes.names,
             cameras=model.cameras.names,
             columns=columns,

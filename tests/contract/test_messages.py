@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from gateway.ros1.msg.catalogue import DEFINITIONS
 from gateway.ros1.msg.codec import compiled
 from gateway.ros1.msg.definition import MOMENTS, NUMBERS, STRING, Definition, md5sum, parse, whole_text
+from gateway.ros1.msg.known_messages import DEFINITIONS
 from tests.gateway.ros1.msg.building import built, meaning, plain, taken_apart
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ import numpy as np
 from gateway.ros1.errors import MessageError
 from gateway.ros1.image import Image, decode_image, encode_image
 from gateway.ros1.messages import deserialise, serialise
-from gateway.ros1.msg.catalogue import DEFINITIONS
 from gateway.ros1.msg.definition import MOMENTS, NUMBERS, STRING
+from gateway.ros1.msg.known_messages import DEFINITIONS
 from gateway.ros1.point_cloud import decode_point_cloud
 from schemas import codec
 from schemas.errors import SchemaError

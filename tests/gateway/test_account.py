@@ -16,9 +16,9 @@ from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.node import Node
 from gateway.ros1.tcpros.publisher import Publication
 from gateway.to_bus.shaping.consumers import Consumers
-from gateway.to_bus.shaping.outlet import Outlet
 from gateway.to_bus.shaping.settings import ShapingSettings
 from gateway.to_bus.shaping.shaping import Shaping
+from gateway.to_bus.shaping.stream_output import StreamOutput
 from gateway.to_bus.stream import MALFORMED
 from schemas.consumer_keys import Wanted
 from schemas.keys import CameraKey, SensorKey, Stream, StreamKey
@@ -57,10 +57,10 @@ class RecordingShaping(Shaping):
         self.publishers: list[Publisher] = []
 
     @contextmanager
-    def outlet(self, key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
+    def output(self, key: SensorKey, publisher: Publisher) -> Iterator[StreamOutput]:
         self.publishers.append(publisher)
-        with super().outlet(key, publisher) as outlet:
-            yield outlet
+        with super().output(key, publisher) as output:
+            yield output
 
     @property
     def sent(self) -> int:

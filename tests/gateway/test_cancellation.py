@@ -75,7 +75,7 @@ async def test_a_wanted_stream(*, latch: bool, settings: dict[str, object]) -> N
             async with (
                 Node("/gateway", master_uri=master.uri, exit_timeout=60) as node,
                 node.advertise(TOPIC, TYPE_NAME, latch=latch) as publication,
-                offering(ours, stream, shaping.outlet) as forward,
+                offering(ours, stream, shaping.output) as forward,
                 asyncio.TaskGroup() as group,
             ):
                 running = [group.create_task(work) for work in (forward.run(Subscriptions(node)), shaping.run(ours))]

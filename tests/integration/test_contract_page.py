@@ -14,8 +14,8 @@ from schemas import codec
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey, Stream
 from services.monitor.fleet import Fleet
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import TrustLimits
-from services.monitor.inventory.sighting import Debounce
 from services.monitor.requests import answer_inventory
 from tests.contract.conftest import free_endpoint
 from tests.contract.waiting import PATIENCE_S, until

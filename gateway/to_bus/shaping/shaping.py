@@ -12,8 +12,8 @@ from gateway.to_bus.shaping.compression import NONE
 from gateway.to_bus.shaping.consumers import Consumers
 from gateway.to_bus.shaping.encoder_pool import EncoderPool
 from gateway.to_bus.shaping.frame_rates import Instants, StreamRate
-from gateway.to_bus.shaping.outlet import Outlet, OutletPlan
 from gateway.to_bus.shaping.settings import FRAMES, ShapingSettings
+from gateway.to_bus.shaping.stream_output import OutputPlan, StreamOutput
 from gateway.to_bus.shaping.uplink import Moment
 from gateway.to_bus.shaping.uplink_pacer import Pacer
 from gateway.to_bus.translators import kind_of
@@ -27,18 +27,18 @@ _SCALED_LIKE = {Stream.INFO: Stream.COLOR, Stream.DEPTH_INFO: Stream.DEPTH}
 class _Shared:
     """State shared by a camera's streams: instants for their rates, and moments for the uplink.
 
-    outlets: how many are open.
+    outputs: how many are open.
     """
 
     picked: Instants = field(default_factory=Instants)
     paced: Instants = field(default_factory=Instants)
-    outlets: int = 0
+    outputs: int = 0
 
 
 class Shaping:
     """State shared by a gateway's streams: each camera's instants, the encoder pool, the uplink and consumers.
 
-    A camera's instants are there while one of its outlets is open: names of cameras come and go with a robot's nodes.
+    A camera's instants are there while one of its outputs is open: names of cameras come and go with a robot's nodes.
     """
 
     def __init__(self, settings: ShapingSettings, consumers: Consumers) -> None:
@@ -62,17 +62,17 @@ class Shaping:
         return lambda now_ns: self._consumers.passes(key, now_ns)
 
     @contextmanager
-    def outlet(self, key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
-        """Return the outlet of a stream's messages to its publisher."""
-        outlet = Outlet(key, publisher, self._plan(key), self._workshop, self._pacer)
+    def output(self, key: SensorKey, publisher: Publisher) -> Iterator[StreamOutput]:
+        """Return the output of a stream's messages to its publisher."""
+        output = StreamOutput(key, publisher, self._plan(key), self._workshop, self._pacer)
         shared = self._shared[_sharing(key)]
-        shared.outlets += 1
+        shared.outputs += 1
         try:
-            yield outlet
+            yield output
         finally:
-            outlet.close()
-            shared.outlets -= 1
-            if not shared.outlets:
+            output.close()
+            shared.outputs -= 1
+            if not shared.outputs:
                 self._forget(_sharing(key))
 
     def _forget(self, sharing: CameraKey | RobotStreamKey) -> None:
@@ -80,11 +80,11 @@ class Shaping:
         if self._pacer is not None:
             self._pacer.forget_moments(shared.paced)
 
-    def _plan(self, key: SensorKey) -> OutletPlan:
+    def _plan(self, key: SensorKey) -> OutputPlan:
         if not isinstance(key, StreamKey):
-            return OutletPlan(all_here=partial(self._consumers.all_here, key), droppable=kind_of(key).is_droppable)
+            return OutputPlan(all_here=partial(self._consumers.all_here, key), droppable=kind_of(key).is_droppable)
         scaled_like = StreamKey(key.camera, _SCALED_LIKE.get(key.stream, key.stream))
-        return OutletPlan(
+        return OutputPlan(
             factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(scaled_like.name),
             method=self._settings.method_of(key.name) if key.stream in FRAMES else NONE,
             all_here=partial(self._consumers.all_here, key),

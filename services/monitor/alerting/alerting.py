@@ -20,13 +20,13 @@ from services.monitor.history.state import Act
 from services.monitor.inventory.availability import AbsenceTracker, AvailabilityTracker
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.inventory.room import MAX_MEMBERS
+from services.monitor.inventory.member_limit import MAX_MEMBERS
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.liveness import SETTLE_NS, Heartbeat
 from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
 from services.monitor.rules.findings import CameraState
+from services.monitor.rules.missed_conditions import MissedConditions
 from services.monitor.rules.model import WorldRule
-from services.monitor.rules.passed import PassedConditions
 from services.monitor.rules.subjects import Effect, UnknownAlertError, linked
 from services.monitor.world.conditions import WorldConditions
 
@@ -79,7 +79,7 @@ class Alerting:
         self._engine: RuleEngine | None = None
         self._since_ns = 0
         self._waiting = deque[Change](maxlen=MAX_WAITING)
-        self._passed = PassedConditions(_new_id, page=page)
+        self._passed = MissedConditions(_new_id, page=page)
         self._effects: list[Effect] = []
         self._robots: set[str] = set()
         self._news = inventory.follow()

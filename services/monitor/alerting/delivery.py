@@ -6,7 +6,7 @@ from uuid import uuid4
 
 from bus import Bus
 from schemas.alerts import Action, Alert
-from services.monitor.alerting.robots import actions_to_robots, alerts_to_robots
+from services.monitor.alerting.robot_delivery import actions_to_robots, alerts_to_robots
 from services.monitor.alerting.webhooks import Webhooks
 from services.monitor.rules.model import PLACEHOLDERS, RobotAction, RuleBook
 from services.monitor.rules.subjects import Effect

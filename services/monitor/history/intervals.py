@@ -6,7 +6,7 @@ from typing import Self
 from msgspec.structs import replace
 
 from schemas.keys import CameraKey
-from services.monitor.history.ledger import Ledger, StoredInterval
+from services.monitor.history.interval_buffer import IntervalBuffer, StoredInterval
 from services.monitor.inventory.availability import AvailabilityTracker
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.inventory import Inventory
@@ -79,10 +79,10 @@ def interval_of(sighting: Sighting) -> Interval:
 
 
 class Sightings:
-    """Enters sightings in a ledger."""
+    """Enters sightings in a buffer."""
 
-    def __init__(self, ledger: Ledger) -> None:
-        self._ledger = ledger
+    def __init__(self, buffer: IntervalBuffer) -> None:
+        self._buffer = buffer
 
     def take(self, changes: Iterable[Change]) -> None:
         """Take a change of the inventory."""
@@ -90,23 +90,23 @@ class Sightings:
             of = change.sighting
             match change.kind:
                 case ChangeKind.APPEARED | ChangeKind.COUNTED:
-                    self._ledger.end(Interval, (of.key, of.name), of.since_ns, closest_m=change.closest_m)
-                    self._ledger.begin(interval_of(of))
+                    self._buffer.end(Interval, (of.key, of.name), of.since_ns, closest_m=change.closest_m)
+                    self._buffer.begin(interval_of(of))
                 case ChangeKind.VANISHED | ChangeKind.LOST:
-                    self._ledger.end(Interval, (of.key, of.name), of.last_ns, closest_m=change.closest_m)
+                    self._buffer.end(Interval, (of.key, of.name), of.last_ns, closest_m=change.closest_m)
 
     def pause(self, sightings: Iterable[Sighting]) -> None:
         """End a silent camera's intervals when they were last seen, until it resumes."""
-        self._ledger.note(
+        self._buffer.note(
             replace(self._kept(of), until_ns=of.last_ns, open=False, closest_m=of.closest_m) for of in sightings
         )
 
     def resume(self, sightings: Iterable[Sighting]) -> None:
         """Reopen the intervals of a camera that resumed."""
-        self._ledger.note(replace(self._kept(of), until_ns=of.last_ns, open=True) for of in sightings)
+        self._buffer.note(replace(self._kept(of), until_ns=of.last_ns, open=True) for of in sightings)
 
     def _kept(self, of: Sighting) -> Interval:
-        return self._ledger.opened(Interval, (of.key, of.name)) or interval_of(of)
+        return self._buffer.opened(Interval, (of.key, of.name)) or interval_of(of)
 
 
 class Disagreement(StoredInterval, frozen=True, gc=False):
@@ -133,11 +133,11 @@ class Disagreement(StoredInterval, frozen=True, gc=False):
 
 
 class Disagreements:
-    """Enters disagreements of models in a ledger."""
+    """Enters disagreements of models in a buffer."""
 
-    def __init__(self, inventory: Inventory, ledger: Ledger) -> None:
+    def __init__(self, inventory: Inventory, buffer: IntervalBuffer) -> None:
         self._inventory = inventory
-        self._ledger = ledger
+        self._buffer = buffer
         self._open: dict[CameraKey, set[str]] = {}
 
     def note(self, now_ns: int) -> Iterator[None]:
@@ -151,18 +151,18 @@ class Disagreements:
                 self._note(camera, now_ns)
             else:  # it made room for others
                 for name in self._open.pop(key, ()):
-                    self._ledger.end(Disagreement, (key, name), now_ns)
+                    self._buffer.end(Disagreement, (key, name), now_ns)
             yield
 
     def _note(self, camera: CameraView, now_ns: int) -> None:
         """Enter a camera's disagreements; none while it has no primary model."""
         found = self._found(camera, now_ns) if self._inventory.is_available(camera, now_ns) else {}
         for name in self._open.get(camera.key, set()) - found.keys():
-            self._ledger.end(Disagreement, (camera.key, name), now_ns)
+            self._buffer.end(Disagreement, (camera.key, name), now_ns)
         for name, new in found.items():
-            old = self._ledger.opened(Disagreement, (camera.key, name))
+            old = self._buffer.opened(Disagreement, (camera.key, name))
             if old is None or not new.is_as(old):
-                self._ledger.begin(new)
+                self._buffer.begin(new)
         if found:
             self._open[camera.key] = set(found)
         else:
@@ -193,7 +193,7 @@ def _who_counts(camera: CameraView, name: str, count: int, since_ns: int) -> str
 
 
 class PauseTracker:
-    """Enters silent cameras in a ledger."""
+    """Enters silent cameras in a buffer."""
 
     def __init__(self, inventory: Inventory, sightings: Sightings) -> None:
         self._inventory = inventory

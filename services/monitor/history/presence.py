@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, Self
 
-from services.monitor.history.ledger import Ledger, StoredInterval
+from services.monitor.history.interval_buffer import IntervalBuffer, StoredInterval
 from services.monitor.inventory.availability import AvailabilityTracker
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.sighting import NS
@@ -48,11 +48,11 @@ def presence_of(place: PresenceKey, since_ns: int) -> Presence:
 
 
 class Attendance:
-    """Enters presence in a ledger, from arrivals and departures only; members that stay cost nothing."""
+    """Enters presence in a buffer, from arrivals and departures only; members that stay cost nothing."""
 
-    def __init__(self, inventory: Inventory, ledger: Ledger) -> None:
+    def __init__(self, inventory: Inventory, buffer: IntervalBuffer) -> None:
         self._inventory = inventory
-        self._ledger = ledger
+        self._buffer = buffer
         self._news = inventory.follow()
         self._availability = AvailabilityTracker(inventory, inventory.is_available, available=False)
         self._before: dict[PresenceKey, int] = {}
@@ -65,11 +65,11 @@ class Attendance:
 
     def lead(self, now_ns: int) -> None:
         """Note that from now on this monitor raises alerts."""
-        self._ledger.begin(presence_of(MONITOR, now_ns))
+        self._buffer.begin(presence_of(MONITOR, now_ns))
 
     def follow(self) -> None:
         """Note that another monitor raises alerts."""
-        self._ledger.drop(Presence, MONITOR)
+        self._buffer.drop(Presence, MONITOR)
 
     def note(self, now_ns: int) -> Iterator[None]:
         """Enter arrivals and departures, and yield after each: all may come at once."""
@@ -92,11 +92,11 @@ class Attendance:
         self._note((robot, ""), now_ns, there=False)
 
     def _note(self, place: PresenceKey, now_ns: int, *, there: bool, heard_ns: int | None = None) -> None:
-        was_there = self._ledger.opened(Presence, place) is not None
+        was_there = self._buffer.opened(Presence, place) is not None
         if there and not was_there:
-            self._ledger.begin(presence_of(place, self._before.get(place, now_ns)))
+            self._buffer.begin(presence_of(place, self._before.get(place, now_ns)))
         elif was_there and not there:
-            self._ledger.end(Presence, place, now_ns, heard_ns=heard_ns)
+            self._buffer.end(Presence, place, now_ns, heard_ns=heard_ns)
 
 
 WRITE_S: Final = 30.0

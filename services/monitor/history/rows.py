@@ -25,8 +25,8 @@ from sqlalchemy.engine import Dialect
 
 from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey, check_name
+from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.intervals import Disagreement, Interval
-from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.presence import Presence
 from services.monitor.history.state import Act
 from services.monitor.history.tables import (

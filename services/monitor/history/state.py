@@ -9,8 +9,8 @@ from typing import Final
 from msgspec.structs import replace
 
 from schemas.alerts import Alert, AlertState
+from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.intervals import Interval
-from services.monitor.history.ledger import StoredInterval
 
 
 class HistoryError(Exception):

@@ -24,8 +24,8 @@ from services.monitor.history.engine import (
     read_name,
     translating,
 )
+from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.intervals import Interval
-from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.opening import connect
 from services.monitor.history.presence import Presence, PresenceKey
 from services.monitor.history.row_maintenance import Pruning, begin_correcting, correct_some, shrink
@@ -59,7 +59,7 @@ from services.monitor.history.tables import (
     presence,
     webhook_backlog,
 )
-from services.monitor.inventory.room import MAX_MEMBERS
+from services.monitor.inventory.member_limit import MAX_MEMBERS
 from services.monitor.map.pose import Pose
 
 LOCK: Final = 0x666C656574

@@ -6,7 +6,7 @@ from typing import Final, Self
 from msgspec.structs import replace
 
 from schemas.world import ChangeKind, WorldChange
-from services.monitor.history.ledger import Ledger, StoredInterval
+from services.monitor.history.interval_buffer import IntervalBuffer, StoredInterval
 from services.monitor.map.sites import Sites
 from services.monitor.world.site_objects import SITE, World
 
@@ -79,10 +79,10 @@ class StockLevel(StoredInterval, frozen=True, gc=False):
 
 
 class WorldHistory:
-    """Enters what sites' objects do in a ledger: their events, and how many there are, where either changes."""
+    """Enters what sites' objects do in a buffer: their events, and how many there are, where either changes."""
 
-    def __init__(self, ledger: Ledger, world: World, sites: Sites) -> None:
-        self._ledger = ledger
+    def __init__(self, buffer: IntervalBuffer, world: World, sites: Sites) -> None:
+        self._buffer = buffer
         self._world = world
         self._sites = sites
         self._moves: dict[tuple[str, str], ObjectEvent] = {}
@@ -122,13 +122,13 @@ class WorldHistory:
     def _note(self, place: tuple[str, str], levels: dict[str, int], now_ns: int) -> None:
         before = self._levels.get(place, {})
         for name in before.keys() - levels.keys():
-            self._ledger.end(StockLevel, (*place, name), now_ns)
+            self._buffer.end(StockLevel, (*place, name), now_ns)
         for name, count in levels.items():
             if before.get(name) != count:
                 level = StockLevel(
                     since_ns=now_ns, until_ns=now_ns, open=True, site=place[0], zone=place[1], name=name, count=count
                 )
-                self._ledger.begin(level)
+                self._buffer.begin(level)
         self._levels[place] = levels
 
     def _enter(self, site: str, changes: Iterable[WorldChange], now_ns: int) -> None:
@@ -138,7 +138,7 @@ class WorldHistory:
                 event = self._moving(event)
             else:
                 self._moves.pop((site, event.object), None)
-            self._ledger.note([event])
+            self._buffer.note([event])
 
     def _moving(self, event: ObjectEvent) -> ObjectEvent:
         """Return a move together with the one that it continues, if any."""

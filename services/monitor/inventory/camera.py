@@ -10,7 +10,8 @@ from schemas.detections import ClassCount, ClassList
 from schemas.distances import Distances, ObjectDistance
 from schemas.header import FrameOrder
 from schemas.keys import CameraKey
-from services.monitor.inventory.sighting import NS, Change, ChangeKind, Debounce, Sighting
+from services.monitor.inventory.debounce import Debounce
+from services.monitor.inventory.sighting import NS, Change, ChangeKind, Sighting
 from services.monitor.inventory.view import MAX_CLASSES, ClassRoom, ModelView, Tracked, Vocabularies
 from services.monitor.liveness import is_view_current
 

@@ -15,8 +15,9 @@ from schemas.detections import ClassList
 from schemas.distances import Distances
 from schemas.keys import CameraKey, camera_key
 from services.monitor.inventory.camera import CameraView
-from services.monitor.inventory.room import MAX_MEMBERS, MAX_ROBOT_CAMERAS, CameraRoom, check_room
-from services.monitor.inventory.sighting import NS, Change, Debounce, Sighting
+from services.monitor.inventory.debounce import Debounce
+from services.monitor.inventory.member_limit import MAX_MEMBERS, MAX_ROBOT_CAMERAS, MemberLimit, check_room
+from services.monitor.inventory.sighting import NS, Change, Sighting
 from services.monitor.inventory.view import MAX_CLASS_BYTES, ClassRoom
 from services.monitor.liveness import LOST_S, STALE_S
 
@@ -75,7 +76,7 @@ class Inventory:
         self._cameras: dict[CameraKey, CameraView] = {}
         self._in_order: list[CameraKey] = []
         self._alive: set[str] = set()
-        self.room = CameraRoom()
+        self.room = MemberLimit()
         self._class_room = ClassRoom()
         self._added = 0
         self._on_leave: list[WeakMethod[OnLeave]] = []

@@ -10,7 +10,8 @@ from schemas import worker_keys
 from schemas.detections import ClassCount, ClassList
 from schemas.header import FrameOrder
 from schemas.keys import CameraKey
-from services.monitor.inventory.sighting import NS, Debounce, DebouncedCount, Sighting
+from services.monitor.inventory.debounce import Debounce, DebouncedCount
+from services.monitor.inventory.sighting import NS, Sighting
 
 Vocabularies = Mapping[tuple[str, str], AbstractSet[str]]
 """The classes that workers say they report, by service and worker."""

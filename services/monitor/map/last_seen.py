@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from schemas.distances import Distances, ObjectDistance
-from services.monitor.inventory.room import MAX_MEMBERS
+from services.monitor.inventory.member_limit import MAX_MEMBERS
 from services.monitor.liveness import is_pose_live
 from services.monitor.map.pose import MAP, DrawnRobot, Pose, pose_of
 

@@ -8,8 +8,8 @@ from itertools import chain
 from typing import Final
 
 from schemas.keys import CameraKey
+from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.intervals import Disagreement, Interval
-from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.presence import MONITOR, Presence
 from services.monitor.inventory.inventory import TrustLimits
 

@@ -16,7 +16,7 @@ from schemas.alerts import Severity
 from schemas.keys import Stream
 from schemas.status import BEYOND_USE, GatewayStatus
 from schemas.worker_keys import DETECTOR
-from services.monitor.inventory.room import MAX_MEMBERS
+from services.monitor.inventory.member_limit import MAX_MEMBERS
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import CameraLine, RobotLine, Snapshot, WorkerLine
 from services.monitor.web.auth.gate import HEALTH, METRICS

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from bus.delivery.pieces import Payload
+from bus.delivery.split_payload import Payload
 from bus.delivery.writing import QUICK_S, QUICK_WRITES, Lane
 
 PATIENCE_S = 60

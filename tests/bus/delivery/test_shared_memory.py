@@ -1,5 +1,5 @@
-from bus.delivery.pieces import Pieces
 from bus.delivery.shared_memory import FRAMES, PATIENCE, READER_TIMEOUT_S, SMALLEST_BYTES, SharedFrames
+from bus.delivery.split_payload import Pieces
 
 SIZE = 100_000
 

@@ -5,7 +5,7 @@ import pytest
 
 from bus import QUEUE, SMALL_BYTES, Bus
 from bus.fake import FakeNetwork
-from gateway.to_bus.shaping.outlet import unshaped
+from gateway.to_bus.shaping.stream_output import unshaped
 from gateway.to_bus.subscriptions import MAX_BYTES, MAX_PUBLISHERS, Latched, latching
 from schemas import codec
 from schemas.header import Header

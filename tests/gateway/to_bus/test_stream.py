@@ -8,7 +8,7 @@ from gateway.ros1.image import TYPE_NAME, Image, encode_image
 from gateway.ros1.tcpros.subscriber import Message
 from gateway.ros1.wire.tcpros import PublisherAccepted, TopicType
 from gateway.to_bus.shaping.frame_rates import Instants, StreamRate
-from gateway.to_bus.shaping.outlet import OutletCounts
+from gateway.to_bus.shaping.stream_output import OutputCounts
 from gateway.to_bus.stream import MALFORMED, MISMATCH, StreamForward
 from gateway.to_bus.translators import StreamKind, kind_of
 from gateway.to_bus.translators.images import image
@@ -176,7 +176,7 @@ def test_what_the_outlet_lost_was_not_forwarded(forward: StreamForward) -> None:
             publishers=1,
             replaced=1,
             broken_links={},
-            outlet=OutletCounts({OVER_BUDGET: 1, MALFORMED: 0}, 77, "jpeg:80"),
+            output=OutputCounts({OVER_BUDGET: 1, MALFORMED: 0}, 77, "jpeg:80"),
             now_ns=now_s * 1_000_000_000,
         )
 

@@ -3,7 +3,7 @@
 import asyncio
 from pathlib import Path
 
-from services.monitor.history.keeper import FLUSH_S
+from services.monitor.history.writer import FLUSH_S
 from tests.integration.fleet import PATIENCE_S, fleet_rig
 from tests.integration.monitor.test_history import PALLETS, QUICK, rows
 from tests.integration.monitor.watching import always_seeing, told

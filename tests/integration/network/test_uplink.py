@@ -6,9 +6,9 @@ from contextlib import AsyncExitStack
 
 from bus import QUEUE, Bus, BusSettings, open_bus
 from gateway.to_bus.shaping.consumers import Consumers
-from gateway.to_bus.shaping.outlet import Outlet
 from gateway.to_bus.shaping.settings import ShapingSettings
 from gateway.to_bus.shaping.shaping import Shaping
+from gateway.to_bus.shaping.stream_output import StreamOutput
 from gateway.to_bus.translators import kind_of
 from schemas.keys import SensorKey, sensor_key
 from schemas.ros import RawMessage
@@ -33,24 +33,24 @@ def frame() -> RawMessage:
     return RawMessage(header=header(camera=""), type="a/B", md5="", definition="", latched=False, data=data)
 
 
-async def opened(stack: AsyncExitStack, bus: Bus, shaping: Shaping, key: SensorKey) -> Outlet:
+async def opened(stack: AsyncExitStack, bus: Bus, shaping: Shaping, key: SensorKey) -> StreamOutput:
     kind = kind_of(key)
     publisher = await stack.enter_async_context(bus.publisher(str(key), kind.qos, encoding=kind.encoding))
     while not publisher.wanted:  # noqa: ASYNC110 - nobody tells
         await asyncio.sleep(0.02)
-    return stack.enter_context(shaping.outlet(key, publisher))
+    return stack.enter_context(shaping.output(key, publisher))
 
 
-async def overload(frames: list[Outlet], transforms: Outlet, link: ThinLink) -> float:
+async def overload(frames: list[StreamOutput], transforms: StreamOutput, link: ThinLink) -> float:
     """Send half more than the link carries for a while; return the most bytes that were given and not carried."""
     most, before = 0.0, link.passed
     for _ in range(ROUNDS):
-        for outlet in frames:
-            outlet.put(frame())
+        for output in frames:
+            output.put(frame())
         transforms.put(Transforms(header=header(camera=""), transforms=[]))
         for _ in range(4):
             await asyncio.sleep(0.007)
-            given = sum(outlet.counts.bytes for outlet in (*frames, transforms))
+            given = sum(output.counts.bytes for output in (*frames, transforms))
             most = max(most, given - (link.passed - before))
     return most
 
@@ -78,4 +78,4 @@ async def test_what_the_link_was_given_and_has_not_carried_stays_within_the_budg
         await asyncio.wait([running])
         assert most < 3 * AHEAD_BYTES, "without a budget it soon is all that Zenoh and the system take: over 1 MiB"
         assert all(subscription.counts.received > ROUNDS / 4 for subscription in arrived), "both cameras get through"
-        assert min(outlet.counts.dropped[OVER_BUDGET] for outlet in (left, right)) > 0
+        assert min(output.counts.dropped[OVER_BUDGET] for output in (left, right)) > 0

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
 from gateway.ros1.messages import deserialise, message_type, serialise, service_type
-from gateway.ros1.msg.catalogue import DEFINITIONS, SERVICES
+from gateway.ros1.msg.known_messages import DEFINITIONS, SERVICES
 from tests.gateway import sensing
 from tests.gateway.ros1.msg.building import built, meaning, plain
 from tests.integration.peers.ros import PEERS, SYSTEM_PYTHON, require_ros

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from services.cloud.shape import Boxes, Level, fit
+from services.cloud.upright_boxes import Boxes, Level, fit
 
 Numbers = NDArray[np.float64]
 

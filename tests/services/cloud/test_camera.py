@@ -9,7 +9,7 @@ import pytest
 
 from bus import Publisher as BusPublisher
 from bus.fake import FakeNetwork
-from bus.sharing.tally import Tally
+from bus.sharing.work_counts import Tally
 from schemas import codec
 from schemas.keys import Stream
 from schemas.objects import ObjectClouds

@@ -2,7 +2,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from bus.sharing.tally import Tally
+from bus.sharing.work_counts import Tally
 from schemas.detections import Detections
 from schemas.keys import CameraKey
 from schemas.objects import ObjectClouds

@@ -1,7 +1,7 @@
 import msgspec
 import pytest
 
-from bus.sharing.tally import Tally
+from bus.sharing.work_counts import Tally
 from schemas.detections import Detections
 from schemas.header import Header
 from schemas.keys import CameraKey

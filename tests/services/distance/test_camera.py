@@ -15,11 +15,11 @@ from schemas.keys import Stream
 from schemas.status import UNWANTED
 from services.distance.camera import DistanceCamera, Viewing, work
 from services.distance.camera_views import Place, ViewMaker
+from services.distance.depth_in_color_view import DepthLimits, Instant, Views
 from services.distance.depth_readings import Criteria
 from services.distance.measuring import DepthView
 from services.distance.sensor_history import DEPTH_IMAGE, SensorHistory
 from services.distance.sensor_input import FAILED, DetectionCounts
-from services.distance.views import DepthLimits, Instant, Views
 from services.geometry.camera import CameraModel
 from services.geometry.depth import Depth
 from services.worker.stamp_joiner import Joiner

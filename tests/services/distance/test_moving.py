@@ -12,10 +12,10 @@ from schemas.detections import Detections
 from schemas.distances import Measured
 from schemas.image import ImageFrame
 from schemas.transforms import Transform, Transforms
+from services.distance.depth_in_color_view import DepthLimits, Instant, Views
 from services.distance.depth_readings import Criteria
 from services.distance.measuring import DepthView, measure
 from services.distance.sensor_history import ImageContext, SensorHistory
-from services.distance.views import DepthLimits, Instant, Views
 from services.geometry.rotation import inverse_of, matrix_of
 from services.geometry.transforms import LITTLE
 from services.worker.stamp_joiner import Joiner

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from services.distance.depth_in_color_view import Instant
 from services.distance.sensor_history import SensorHistory
-from services.distance.views import Instant
 from services.worker.stamp_joiner import Joiner
 from tests.services.distance.scenes import FRAME, calibration, depth, detections, stamp_of, transforms, wall
 

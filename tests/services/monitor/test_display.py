@@ -105,7 +105,7 @@ def test_a_models_names_write_nothing_but_themselves() -> None:
 PAGE = 4096
 
 
-def outlet(*, terminal: bool) -> tuple[int, int]:
+def output(*, terminal: bool) -> tuple[int, int]:
     """Return the ends of what a process may write to: the one to read and the one to write."""
     if terminal:
         return pty.openpty()
@@ -128,7 +128,7 @@ async def class_lists(bus: Bus) -> int:
 @pytest.mark.parametrize("terminal", [False, True], ids=["pipe", "terminal"])
 async def test_a_monitor_whose_picture_nobody_reads_goes_on_and_ends_in_order(*, terminal: bool) -> None:
     endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
-    reading, writing = outlet(terminal=terminal)
+    reading, writing = output(terminal=terminal)
     monitor = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "services.toolbox", "monitor", "--listen", endpoint),
         *("--no-web", "--history", "none", "--refresh-s", "0.1"),

@@ -10,10 +10,11 @@ from schemas.status import ClockReading, WorkerStatus
 from services.monitor import fleet as fleet_module
 from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY
 from services.monitor.fleet import RATE_WINDOW_S, Age, Fleet, Row
-from services.monitor.inventory import room as module
+from services.monitor.inventory import member_limit as module
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import TrustLimits
-from services.monitor.inventory.room import InventoryFullError
-from services.monitor.inventory.sighting import Debounce, Sighting
+from services.monitor.inventory.member_limit import InventoryFullError
+from services.monitor.inventory.sighting import Sighting
 from services.monitor.liveness import STALE_S
 from services.monitor.robot_clocks import MAX_LAG_NS
 from tests.schemas.frames import header

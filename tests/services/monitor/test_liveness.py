@@ -6,8 +6,8 @@ import pytest
 
 from schemas.keys import CameraKey
 from services.monitor.fleet import Fleet
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.sighting import Debounce
 from services.monitor.liveness import (
     LOST_S,
     MIN_LISTS,

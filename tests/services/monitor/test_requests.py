@@ -15,8 +15,8 @@ from schemas.inventory import MAX_PROBLEMS, InventoryAnswer, InventoryRequest
 from schemas.status import ClockReading, GatewayStatus
 from services.monitor import requests
 from services.monitor.fleet import Fleet
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import TrustLimits
-from services.monitor.inventory.sighting import Debounce
 from services.monitor.requests import answer_inventory, answer_to, measure_clocks
 from tests.contract.waiting import until
 from tests.services.monitor.inventory.seeing import S, seen

@@ -8,10 +8,10 @@ import pytest
 
 from schemas.world import ChangeKind
 from services.worldmodel import model as model_module
-from services.worldmodel import population
+from services.worldmodel import object_lifecycle
 from services.worldmodel.model import SiteModel
+from services.worldmodel.object_lifecycle import Rules
 from services.worldmodel.offsets import LOST, RIGHT
-from services.worldmodel.population import Rules
 from tests.services.worldmodel.scene import NS, Camera, Thing, around, known, moved, view, watch
 
 BOX = Thing(4.0, 0.0)
@@ -166,7 +166,7 @@ def test_ghosts_of_one_frame_are_never_told_and_are_forgotten() -> None:
         ]
         model.take(view([BOX], camera, at_s, extra=ghosts), round(at_s * NS))
     assert len(model.objects.known()) < 1_000
-    assert model.left_out["r1", population.FLOOD] > 0
+    assert model.left_out["r1", object_lifecycle.FLOOD] > 0
     model.take(view([], Camera(yaw=np.pi), 120.0), 120 * NS)
     assert (~model.objects.confirmed[model.objects.known()]).sum() == 0
 
@@ -199,7 +199,7 @@ def test_a_full_site_takes_no_more() -> None:
     model = SiteModel(Rules(most_objects=3))
     watch(model, ROW, [Camera()], 1.0, 6)
     assert len(known(model)) == 3
-    assert model.left_out["r1", population.TOO_MANY] > 0
+    assert model.left_out["r1", object_lifecycle.TOO_MANY] > 0
 
 
 def test_views_taken_together_say_the_same_as_one_by_one() -> None:

@@ -16,9 +16,9 @@ from schemas.worker_keys import WorldStream, world_key
 from schemas.world import MAX_ROBOT_CAMERAS, MAX_ROBOTS, NearbyObjects, SiteStatus, WorldRequest
 from services.worldmodel import names
 from services.worldmodel.floor import Floor
-from services.worldmodel.inventory import Inventory
 from services.worldmodel.model import UNLOCATED, SiteModel
 from services.worldmodel.names import ABSENT_NS, TOO_MANY_CAMERAS, TOO_MANY_ROBOTS, Numbers, Roster
+from services.worldmodel.published_objects import Inventory
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import Site, ViewReader
 from services.worldmodel.state import restored, saved

@@ -8,9 +8,9 @@ import msgspec
 from bus import QUEUE, Presence, Subscription
 from bus.fake import FakeNetwork
 from gateway.to_bus.shaping.consumers import Consumers
-from gateway.to_bus.shaping.outlet import Outlet, unshaped
 from gateway.to_bus.shaping.settings import ShapingSettings
 from gateway.to_bus.shaping.shaping import Shaping
+from gateway.to_bus.shaping.stream_output import StreamOutput, unshaped
 from gateway.to_bus.translators import kind_of
 from schemas.consumer_keys import Wanted
 from schemas.image import ImageFrame
@@ -36,13 +36,13 @@ class Rig:
         self._stack.callback(running.cancel)
         return made
 
-    async def outlet(self, key: SensorKey, shaping: Shaping | None = None) -> tuple[Outlet, Subscription]:
+    async def output(self, key: SensorKey, shaping: Shaping | None = None) -> tuple[StreamOutput, Subscription]:
         """Open a stream's way, and see what arrives."""
         bus = await self._stack.enter_async_context(self.network.open_bus())
         kind = kind_of(key)
         publisher = await self._stack.enter_async_context(bus.publisher(str(key), kind.qos, encoding=kind.encoding))
         arrived = await self._stack.enter_async_context(bus.subscribe(str(key), QUEUE(999)))
-        open_way = unshaped if shaping is None else shaping.outlet
+        open_way = unshaped if shaping is None else shaping.output
         return self._stack.enter_context(open_way(key, publisher)), arrived
 
     def listens(self, key: SensorKey, clock: str, *, alive: bool = True) -> None:

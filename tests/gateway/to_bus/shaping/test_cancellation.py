@@ -27,9 +27,9 @@ async def test_a_stream_that_is_compressed_and_waits_for_the_uplink() -> None:
                 ours.publisher(str(COLOR), kind_of(COLOR).qos) as publisher,
                 asyncio.TaskGroup() as group,
             ):
-                with shaping.outlet(COLOR, publisher) as outlet:
+                with shaping.output(COLOR, publisher) as output:
                     running = group.create_task(shaping.run(ours))
-                    outlet.put(numbered(0))
+                    output.put(numbered(0))
                     while arrived.counts.received == before:  # noqa: ASYNC110 - each turn of the loop is a suspension
                         await asyncio.sleep(0)
                     running.cancel()

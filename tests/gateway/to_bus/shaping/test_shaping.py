@@ -31,10 +31,10 @@ async def rig() -> AsyncIterator[Rig]:
 
 async def test_what_is_scaled_has_a_scaled_calibration(rig: Rig) -> None:
     shaping = await rig.shaping(scale="*/color=1/2", compression="raw")
-    color, frames = await rig.outlet(COLOR, shaping)
-    depth, depths = await rig.outlet(DEPTH, shaping)
-    calibration, infos = await rig.outlet(INFO, shaping)
-    depth_calibration, depth_infos = await rig.outlet(DEPTH_INFO, shaping)
+    color, frames = await rig.output(COLOR, shaping)
+    depth, depths = await rig.output(DEPTH, shaping)
+    calibration, infos = await rig.output(INFO, shaping)
+    depth_calibration, depth_infos = await rig.output(DEPTH_INFO, shaping)
     color.put(numbered(0, size=480))
     depth.put(frame("16UC1", picture()[..., 0].astype("u2")))
     calibration.put(info())
@@ -47,8 +47,8 @@ async def test_what_is_scaled_has_a_scaled_calibration(rig: Rig) -> None:
 
 async def test_depth_is_scaled_with_its_own_calibration(rig: Rig) -> None:
     shaping = await rig.shaping(scale="1/2")
-    calibration, infos = await rig.outlet(DEPTH_INFO, shaping)
-    points, clouds = await rig.outlet(POINTS, shaping)
+    calibration, infos = await rig.output(DEPTH_INFO, shaping)
+    points, clouds = await rig.output(POINTS, shaping)
     calibration.put(info())
     points.put(cloud())
     assert (await receive(infos, CameraInfo)).k[2] == 160
@@ -75,13 +75,13 @@ async def test_a_cameras_instants_begin_anew_only_when_all_of_its_streams_were_a
     assert thinning is not None
     tenth = 100_000_000
     async with AsyncExitStack() as present:
-        await Rig(rig.network, present).outlet(DEPTH, shaping)
+        await Rig(rig.network, present).output(DEPTH, shaping)
         async with AsyncExitStack() as away:
-            await Rig(rig.network, away).outlet(COLOR, shaping)
+            await Rig(rig.network, away).output(COLOR, shaping)
             assert thinning.passes(1, 1)
-        await Rig(rig.network, present).outlet(COLOR, shaping)
+        await Rig(rig.network, present).output(COLOR, shaping)
         assert not thinning.passes(tenth, tenth)
-    await rig.outlet(COLOR, shaping)
+    await rig.output(COLOR, shaping)
     assert thinning.passes(2 * tenth, 2 * tenth)
 
 
@@ -92,10 +92,10 @@ async def test_cameras_that_come_and_go_leave_nothing_behind(rig: Rig) -> None:
         key = sensor_key("r1", f"camera_{number}/color")
         thinning = shaping.thinning(key)
         async with AsyncExitStack() as present:
-            outlet, frames = await Rig(rig.network, present).outlet(key, shaping)
+            output, frames = await Rig(rig.network, present).output(key, shaping)
             assert thinning is not None
             assert thinning.passes(1, 1)
-            outlet.put(numbered(0))
+            output.put(numbered(0))
             await receive(frames, ImageFrame)
     assert instants_in_memory() == before
 

@@ -12,8 +12,8 @@ from schemas.keys import ACTIONS, ALERTS, CameraKey
 from services.monitor.alerting import alerting as module
 from services.monitor.alerting.alerting import SWEEP_S, look_at
 from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.sighting import Debounce
 from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.findings import CameraState
 from services.monitor.rules.loading import load_rules

@@ -10,10 +10,11 @@ from bus.fake import FakeNetwork
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome
-from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.settings import HistorySettings
+from services.monitor.history.writer import HistoryWriter
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.sighting import Change, Debounce
+from services.monitor.inventory.sighting import Change
 from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.alerting.test_webhooks import receiving, told
@@ -27,7 +28,7 @@ async def monitor(rules: Path, url: str) -> AsyncIterator[tuple[Inventory, Alert
     await file.load()
     inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0)))
     alerting = Alerting(file, inventory, hears(), settle_s=0)
-    history = HistoryKeeper(HistorySettings(history=url), inventory, alerting.lead, owing=alerting)
+    history = HistoryWriter(HistorySettings(history=url), inventory, alerting.lead, owing=alerting)
     await history.restore()
     async with FakeNetwork().open_bus() as bus:
         running = [

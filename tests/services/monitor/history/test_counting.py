@@ -8,8 +8,8 @@ from schemas.keys import CameraKey
 from services.monitor.history import counting as module
 from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.counting import SLOTS, Counts
+from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.intervals import Interval
-from services.monitor.history.ledger import StoredInterval
 from tests.services.monitor.history.support.lasting import there
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S

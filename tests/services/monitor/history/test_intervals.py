@@ -2,10 +2,11 @@
 
 from msgspec.structs import replace
 
+from services.monitor.history.interval_buffer import IntervalBuffer
 from services.monitor.history.intervals import Disagreement, Disagreements, Interval, Sightings, interval_of
-from services.monitor.history.ledger import Ledger
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.sighting import Change, ChangeKind, Debounce, Sighting
+from services.monitor.inventory.sighting import Change, ChangeKind, Sighting
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 BOX = Sighting(key=FRONT, name="box", count=1, score=0.5, first_ns=S, since_ns=S, last_ns=2 * S, model="m", worker="w")
@@ -15,8 +16,8 @@ class Seen:
     """What is in view, and what is to be written of it."""
 
     def __init__(self) -> None:
-        self.ledger = Ledger()
-        self.sightings = Sightings(self.ledger)
+        self.buffer = IntervalBuffer()
+        self.sightings = Sightings(self.buffer)
 
     def change(
         self, kind: ChangeKind, *, since_s: int = 1, last_s: int = 2, count: int = 1, closest_m: float | None = None
@@ -26,8 +27,8 @@ class Seen:
 
     def told(self) -> list[tuple[int, int, int, bool]]:
         """Return what is to be written as (count, since, until, open), and take it as written."""
-        some = [each for each in self.ledger.pending(100) if isinstance(each, Interval)]
-        self.ledger.written(some)
+        some = [each for each in self.buffer.pending(100) if isinstance(each, Interval)]
+        self.buffer.written(some)
         return [(each.count, each.since_ns // S, each.until_ns // S, each.open) for each in some]
 
 
@@ -36,12 +37,12 @@ def test_an_interval_lasts_as_long_as_the_count() -> None:
     seen.change(ChangeKind.APPEARED)
     assert seen.told() == [(1, 1, 2, True)]
     seen.change(ChangeKind.COUNTED, count=3, since_s=5, last_s=6, closest_m=2.5)
-    (one, _) = seen.ledger.pending(2)
+    (one, _) = seen.buffer.pending(2)
     assert isinstance(one, Interval)
     assert one.closest_m == 2.5
     assert seen.told() == [(1, 1, 5, False), (3, 5, 6, True)]
     seen.change(ChangeKind.VANISHED, count=0, since_s=9, last_s=8, closest_m=1.5)
-    (three,) = seen.ledger.pending(2)
+    (three,) = seen.buffer.pending(2)
     assert isinstance(three, Interval)
     assert three.closest_m == 1.5
     assert seen.told() == [(3, 5, 8, False)]
@@ -65,7 +66,7 @@ def test_a_silent_cameras_intervals_end_and_go_on() -> None:
 
 def test_a_restored_interval_is_closed_when_its_sighting_ends() -> None:
     seen = Seen()
-    seen.ledger.adopt([interval_of(BOX)])
+    seen.buffer.adopt([interval_of(BOX)])
     seen.change(ChangeKind.VANISHED, last_s=12)
     assert seen.told() == [(1, 1, 12, False)]
 
@@ -86,14 +87,14 @@ STALE_S = TrustLimits().stale_ns // S
 
 
 class Camera:
-    """A camera of which two models count boxes, and what was entered in the ledger of it."""
+    """A camera of which two models count boxes, and what was entered in the buffer of it."""
 
     def __init__(self) -> None:
         self.inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0)))
         self.inventory.robot_presence("r1", alive=True)
         self.inventory.camera_presence(FRONT, alive=True)
-        self.ledger = Ledger()
-        self.disagreements = Disagreements(self.inventory, self.ledger)
+        self.buffer = IntervalBuffer()
+        self.disagreements = Disagreements(self.inventory, self.buffer)
         self._seq = 0
 
     def see(self, at_s: int, **counts: int) -> None:
@@ -105,8 +106,8 @@ class Camera:
         """Return (ours, theirs, since, until, open)."""
         for _ in self.disagreements.note(at_s * S):
             pass
-        some = [each for each in self.ledger.pending(100) if isinstance(each, Disagreement)]
-        self.ledger.written(some)
+        some = [each for each in self.buffer.pending(100) if isinstance(each, Disagreement)]
+        self.buffer.written(some)
         assert {(each.name, each.model, each.other_model) for each in some} <= {("box", "m", "n")}
         return [(of.count, of.other_count, of.since_ns // S, of.until_ns // S, of.open) for of in some]
 

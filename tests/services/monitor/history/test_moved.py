@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from sqlalchemy import inspect, text
 
-from services.monitor.history import keeper as module
+from services.monitor.history import writer as module
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 from services.monitor.history.tables import SCHEMA_VERSION, metadata

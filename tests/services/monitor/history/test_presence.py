@@ -4,10 +4,10 @@ from collections import deque
 from math import inf, nan
 
 from schemas.keys import CameraKey
-from services.monitor.history.ledger import Ledger
+from services.monitor.history.interval_buffer import IntervalBuffer
 from services.monitor.history.presence import Attendance, KnownPoses, Presence
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.sighting import Debounce
 from services.monitor.liveness import SETTLE_NS
 from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.pose import Pose
@@ -18,12 +18,12 @@ STALE_S = TrustLimits().stale_ns // S
 
 
 class Fleet:
-    """A fleet, and who was entered in the ledger as robot/camera, since, until and open."""
+    """A fleet, and who was entered in the buffer as robot/camera, since, until and open."""
 
     def __init__(self) -> None:
         self.inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0)))
-        self.ledger = Ledger()
-        self.attendance = Attendance(self.inventory, self.ledger)
+        self.buffer = IntervalBuffer()
+        self.attendance = Attendance(self.inventory, self.buffer)
         self._seq = 0
 
     def see(self, at_s: int) -> None:
@@ -32,8 +32,8 @@ class Fleet:
 
     def noted(self, at_s: int) -> list[tuple[str, int, int, bool]]:
         deque(self.attendance.note(at_s * S), maxlen=0)
-        some = [each for each in self.ledger.pending(100) if isinstance(each, Presence)]
-        self.ledger.written(some)
+        some = [each for each in self.buffer.pending(100) if isinstance(each, Presence)]
+        self.buffer.written(some)
         return [(f"{of.robot}/{of.camera}", of.since_ns // S, of.until_ns // S, of.open) for of in some]
 
 
@@ -89,7 +89,7 @@ def test_it_is_kept_when_a_silent_camera_was_heard_last() -> None:
         fleet.see(second)
         fleet.noted(second)
     deque(fleet.attendance.note(9 * S), maxlen=0)
-    (gone,) = fleet.ledger.pending(9)
+    (gone,) = fleet.buffer.pending(9)
     assert gone == Presence("r1", "front", 3 * S, since_ns=2 * S, until_ns=9 * S, open=False)
 
 

@@ -8,8 +8,7 @@ import pytest
 
 from schemas.world import ChangeKind, WorldChange
 from services.monitor.history.archive import Archive, WorldQuery
-from services.monitor.history.keeper import HistoryKeeper
-from services.monitor.history.ledger import Ledger
+from services.monitor.history.interval_buffer import IntervalBuffer
 from services.monitor.history.settings import HistorySettings
 from services.monitor.history.world_history import (
     ALL_CLASSES,
@@ -20,6 +19,7 @@ from services.monitor.history.world_history import (
     StockLevel,
     WorldHistory,
 )
+from services.monitor.history.writer import HistoryWriter
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.world.site_objects import SITE, World
@@ -37,8 +37,8 @@ class Hall:
     """A site that a world model tells of, and what the history has of it."""
 
     def __init__(self) -> None:
-        self.world, self.sites, self.ledger = World([DOCK]), Sites(), Ledger()
-        self.history = WorldHistory(self.ledger, self.world, self.sites)
+        self.world, self.sites, self.buffer = World([DOCK]), Sites(), IntervalBuffer()
+        self.history = WorldHistory(self.buffer, self.world, self.sites)
         self.number = 0
         self.world.sites["hall"].replace("e", 0, [])
 
@@ -70,8 +70,8 @@ class Hall:
             pass
 
     def written(self) -> Iterator[object]:
-        some = self.ledger.pending(10_000)
-        self.ledger.written(some)
+        some = self.buffer.pending(10_000)
+        self.buffer.written(some)
         return iter(some)
 
     def events(self) -> list[ObjectEvent]:
@@ -196,7 +196,7 @@ def test_classes_of_a_zone_are_limited_and_the_sum_is_of_all(hall: Hall) -> None
 
 async def test_a_monitor_keeps_it_and_it_is_read_pruned_and_goes_on_after_a_restart(url: str) -> None:
     world, sites = World([DOCK]), Sites()
-    history = HistoryKeeper(HistorySettings(history=url), Inventory(), world=(world, sites))
+    history = HistoryWriter(HistorySettings(history=url), Inventory(), world=(world, sites))
     await history.restore()
     running = asyncio.create_task(history.run())
     site = world.sites["hall"]
@@ -234,7 +234,7 @@ async def test_a_monitor_keeps_it_and_it_is_read_pruned_and_goes_on_after_a_rest
         await store.prune(time.time_ns() + S)
         assert await store.select(ObjectEvent) == []
         assert len(await store.select(StockLevel)) == 4  # they are open
-    again = HistoryKeeper(HistorySettings(history=url), Inventory(), world=(World([DOCK]), Sites()))
+    again = HistoryWriter(HistorySettings(history=url), Inventory(), world=(World([DOCK]), Sites()))
     await again.restore()
     running = asyncio.create_task(again.run())
     await until(lambda: again.status.leads and again.status.pending == 0)

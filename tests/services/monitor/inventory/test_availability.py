@@ -5,8 +5,8 @@ import pytest
 from schemas.keys import CameraKey
 from services.monitor.inventory.availability import AT_ONCE, PARTS, AbsenceTracker, AvailabilityTracker
 from services.monitor.inventory.camera import CameraView
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.sighting import Debounce
 from services.monitor.liveness import NETWORK_GRACE_S, Heartbeat
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 

@@ -4,7 +4,8 @@ from schemas import worker_keys
 from schemas.detections import ClassCount
 from schemas.keys import CameraKey
 from services.monitor.inventory.camera import MAX_MODELS, CameraView, nearest_of
-from services.monitor.inventory.sighting import Change, ChangeKind, Debounce
+from services.monitor.inventory.debounce import Debounce
+from services.monitor.inventory.sighting import Change, ChangeKind
 from services.monitor.inventory.view import MAX_CLASSES
 from tests.schemas.results import distances, known, unknown
 from tests.services.monitor.inventory.seeing import FRONT, S, seen

@@ -3,10 +3,11 @@ import pytest
 
 from schemas.keys import CameraKey
 from services.monitor.inventory import inventory as module
-from services.monitor.inventory import room as room_module
+from services.monitor.inventory import member_limit as room_module
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.room import InventoryFullError
-from services.monitor.inventory.sighting import ChangeKind, Debounce, Sighting
+from services.monitor.inventory.member_limit import InventoryFullError
+from services.monitor.inventory.sighting import ChangeKind, Sighting
 from services.monitor.inventory.view import MAX_CLASSES
 from services.monitor.settings import InventorySettings
 from tests.schemas.results import distances, known

@@ -4,8 +4,8 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.intervals import Disagreement, Interval
-from services.monitor.history.ledger import StoredInterval
 from services.monitor.history.presence import Presence
 from services.monitor.rules.replay import replay
 from services.monitor.rules.timeline import Timeline

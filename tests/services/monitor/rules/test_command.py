@@ -14,13 +14,13 @@ from schemas.alerts import Alert
 from schemas.keys import CameraKey
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
-from services.monitor.history.keeper import HistoryKeeper
-from services.monitor.history.ledger import StoredInterval
+from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.settings import HistorySettings
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
+from services.monitor.history.writer import HistoryWriter
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.sighting import Debounce
 from services.monitor.liveness import SETTLE_NS
 from services.monitor.rules.command import run
 from services.monitor.rules.loading import RuleFileError
@@ -128,7 +128,7 @@ class Live:
     def __init__(self, url: str, rules: RuleFile) -> None:
         self.inventory = Inventory(TrustLimits(Debounce(1, 0, 1, 0), stale_ns=S))
         self.alerting = Alerting(rules, self.inventory, hears())
-        self.history = HistoryKeeper(HistorySettings(history=url), self.inventory, self.alerting.lead)
+        self.history = HistoryWriter(HistorySettings(history=url), self.inventory, self.alerting.lead)
         self.alerts: list[Alert] = []
 
     def come(self, robot: str) -> None:

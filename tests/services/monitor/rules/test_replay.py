@@ -6,8 +6,8 @@ import pytest
 from msgspec.structs import replace
 
 from schemas.keys import CameraKey
+from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.intervals import Interval
-from services.monitor.history.ledger import StoredInterval
 from services.monitor.rules.model import RuleBook
 from services.monitor.rules.replay import caveats, replay
 from services.monitor.rules.timeline import FOREVER_NS, NEVER, Timeline, spoken_for

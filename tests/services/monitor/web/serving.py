@@ -17,7 +17,7 @@ from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive
-from services.monitor.history.keeper import HistoryKeeper
+from services.monitor.history.writer import HistoryWriter
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings
@@ -62,7 +62,7 @@ def monitor_on(bus: Bus, *, plan: FloorPlan | None = None, **given: Any) -> Moni
     fleet.world = World(on=settings.follows_world)
     rules, zones = RuleFile(settings.rules), ZoneFile(settings.zones, fleet.world)
     alerting = Alerting(rules, fleet.inventory, hears(), settle_s=0)
-    history = HistoryKeeper(settings, fleet.inventory, alerting.lead, world=(fleet.world, fleet.sites))
+    history = HistoryWriter(settings, fleet.inventory, alerting.lead, world=(fleet.world, fleet.sites))
     return Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), Health(bus), plan, zones)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from schemas.alerts import AlertState
-from services.monitor.history import keeper as module
+from services.monitor.history import writer as module
 from services.monitor.history.presence import MONITOR
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store

@@ -7,12 +7,12 @@ from contextlib import asynccontextmanager
 
 from schemas.alerts import Alert
 from services.monitor.history.intervals import Interval
-from services.monitor.history.keeper import HistoryKeeper
 from services.monitor.history.presence import Presence, PresenceKey
 from services.monitor.history.settings import HistorySettings
 from services.monitor.history.state import Act
+from services.monitor.history.writer import HistoryWriter
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.sighting import Debounce
 from services.monitor.map.last_seen import SightingMap
 from tests.contract.waiting import until
 from tests.services.monitor.history.test_store import every, opened
@@ -29,7 +29,7 @@ class Monitor:
         self.inventory = Inventory(LIMITS)
         self.places = SightingMap()
         settings = HistorySettings(history=url)
-        self.history = HistoryKeeper(settings, self.inventory, self._lead, self.places)
+        self.history = HistoryWriter(settings, self.inventory, self._lead, self.places)
 
     def _lead(self, alerts: Sequence[Alert], _acts: Sequence[Act], _since_ns: int) -> None:
         self.led.append(list(alerts))

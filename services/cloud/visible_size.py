@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from services.cloud.cells import Cells, Seen, cells_of
 from services.cloud.points import Indices, spread
-from services.cloud.shape import Boxes, Level, fit
 from services.cloud.surfaces import Faces, fit_faces
+from services.cloud.upright_boxes import Boxes, Level, fit
 
 Numbers = NDArray[Any]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from services.cloud.cells import Seen
 from services.cloud.outlines import Masked
-from services.cloud.shape import Level
-from services.cloud.visible import shapes
+from services.cloud.upright_boxes import Level
+from services.cloud.visible_size import shapes
 from services.geometry.masks import Window
 from tests.services.cloud.boxes import Box, each, fit_box
 from tests.services.cloud.scenes import WIDTH, Cuboid, camera_view

@@ -1,4 +1,4 @@
-"""The ledger of intervals: those that are open, and those to be written. Pure."""
+"""The buffer of intervals: those that are open, and those to be written. Pure."""
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any, Final, Self, TypeVar, cast
@@ -40,7 +40,7 @@ _At = tuple[type[StoredInterval], Hashable]
 _Key = tuple[_At, int]
 
 
-class Ledger:
+class IntervalBuffer:
     """Open intervals of each kind, and those to be written. lost: intervals dropped because too many waited."""
 
     def __init__(self) -> None:

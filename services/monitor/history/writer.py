@@ -11,8 +11,8 @@ from schemas.alerts import Alert
 from services.monitor.event_loop import in_turns, uninterrupted
 from services.monitor.history.clock_trust import Correction
 from services.monitor.history.engine import translating
+from services.monitor.history.interval_buffer import IntervalBuffer
 from services.monitor.history.intervals import Disagreements, Interval, PauseTracker, Sightings
-from services.monitor.history.ledger import Ledger
 from services.monitor.history.presence import RESTORED_NS, WRITE_S, Attendance, KnownPoses, Presence
 from services.monitor.history.settings import NONE, HistorySettings
 from services.monitor.history.state import (
@@ -57,7 +57,7 @@ FOLLOWED_NS: Final = 2 * round(UNHEARD_S) * NS
 """Maximum age of changes that a leader may have left unwritten: it may have died without notice."""
 
 
-class HistoryKeeper:
+class HistoryWriter:
     """Writes inventory changes, alerts and robots' poses to the database of the settings.
 
     on_lead: is called with the alerts that are not resolved, what people did with these, and when alerts were written
@@ -79,11 +79,11 @@ class HistoryKeeper:
         self._settings = settings
         self._inventory = inventory
         self._on_lead = on_lead
-        self._ledger = Ledger()
-        self._sightings = Sightings(self._ledger)
-        self._attendance = Attendance(inventory, self._ledger)
-        self._disagreements = Disagreements(inventory, self._ledger)
-        self._world = WorldHistory(self._ledger, *(world or (World(on=False), Sites())))
+        self._buffer = IntervalBuffer()
+        self._sightings = Sightings(self._buffer)
+        self._attendance = Attendance(inventory, self._buffer)
+        self._disagreements = Disagreements(inventory, self._buffer)
+        self._world = WorldHistory(self._buffer, *(world or (World(on=False), Sites())))
         self._poses = KnownPoses(places or SightingMap())
         self._poses_due_s = time.monotonic() + WRITE_S
         self._alerts = PendingAlerts()
@@ -104,9 +104,9 @@ class HistoryKeeper:
     def status(self) -> HistoryStatus:
         """The status of the history."""
         another_leads = self._follows and not self._problem
-        pending = 0 if another_leads else len(self._ledger) + len(self._alerts)
+        pending = 0 if another_leads else len(self._buffer) + len(self._alerts)
         warnings = () if another_leads else self._upkeep.problems()
-        return HistoryStatus(self._problem, self._leads, pending, self._ledger.lost, self._leader, warnings)
+        return HistoryStatus(self._problem, self._leads, pending, self._buffer.lost, self._leader, warnings)
 
     def take(self, changes: Iterable[Change]) -> None:
         """Take a change of the inventory."""
@@ -168,7 +168,7 @@ class HistoryKeeper:
         self._inventory.recall({of: min(at_ns, now_ns) for of, at_ns in there.items()}, min(since_ns, heartbeat_ns))
         self._heed({of: at_ns for of, at_ns in forgotten.items() if at_ns >= there.get((of, ""), 0)})
         self._poses.restore(poses)
-        self._ledger.adopt(kept.intervals)
+        self._buffer.adopt(kept.intervals)
 
     async def run(self) -> None:
         """Write the history until cancelled, then write pending rows."""
@@ -222,7 +222,7 @@ class HistoryKeeper:
         else:
             self._leads = False
             self._attendance.follow()
-            self._ledger.forget_pending(time.time_ns() - FOLLOWED_NS)
+            self._buffer.forget_pending(time.time_ns() - FOLLOWED_NS)
             await self._hand_over(store)
 
     async def _hand_over(self, store: Store) -> None:
@@ -256,7 +256,7 @@ class HistoryKeeper:
         kept: StoredState = await store.load(heartbeat_ns - gap_ns)
         now_ns, ended = time.time_ns(), [each for each in kept.intervals if not each.open]
         stored = [*kept.going_on, *ended]
-        self._ledger.merge(stored, heartbeat_ns, gap_ns, followed=not self._leads, ended_of=Interval)
+        self._buffer.merge(stored, heartbeat_ns, gap_ns, followed=not self._leads, ended_of=Interval)
         self._pauses.begin_anew()
         if not self._loaded and now_ns - heartbeat_ns <= gap_ns:
             self._attendance.resume((each for each in kept.going_on if isinstance(each, Presence)), now_ns)
@@ -282,14 +282,14 @@ class HistoryKeeper:
         if not await self._upkeep.correct(store):
             return
         self._pauses.note(now_ns)
-        for _ in range(len(self._ledger) // BATCH):
-            some = self._ledger.pending(BATCH)
+        for _ in range(len(self._buffer) // BATCH):
+            some = self._buffer.pending(BATCH)
             await store.write(some)
-            self._ledger.written(some)
+            self._buffer.written(some)
         owed = self._owed.snapshot()
-        some, (changed, acts) = self._ledger.pending(BATCH), self._alerts.snapshot()
+        some, (changed, acts) = self._buffer.pending(BATCH), self._alerts.snapshot()
         await store.write(some, changed.values(), now_ns, acts)
-        self._ledger.written(some)
+        self._buffer.written(some)
         self._alerts.written(changed, acts)
         await self._write_forgotten(store)
         await self._owed.write(store, owed)
@@ -300,7 +300,7 @@ class HistoryKeeper:
         """Correct what is not written yet as it is corrected in the database."""
         of = correction.corrected
         self._inventory.set_back(now_ns)
-        self._ledger.correct(of)
+        self._buffer.correct(of)
         self._alerts.correct(of)
         self.acts.correct(of)
         self._forgotten = {robot: of(at_ns) for robot, at_ns in self._forgotten.items()}

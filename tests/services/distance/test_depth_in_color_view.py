@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from schemas.camera_info import CameraInfo
-from services.distance.views import NO_INFO, DepthLimits, Instant, Views
+from services.distance.depth_in_color_view import NO_INFO, DepthLimits, Instant, Views
 from services.geometry.camera import CameraModel
 from services.geometry.errors import DepthError, GeometryError
 from tests.services.distance.scenes import FRAME, calibration, depth, detections, wall

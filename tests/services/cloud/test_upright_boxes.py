@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from services.cloud.shape import Boxes, Level
+from services.cloud.upright_boxes import Boxes, Level
 from tests.services.cloud.boxes import each, fit_box
 
 RNG = np.random.default_rng(5)

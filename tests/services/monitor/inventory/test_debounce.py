@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.monitor.inventory.sighting import NS, Debounce, DebouncedCount
+from services.monitor.inventory.debounce import Debounce, DebouncedCount
+from services.monitor.inventory.sighting import NS
 
 QUICK = Debounce(appear_lists=2, appear_ns=0, vanish_lists=2, vanish_ns=0)
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.ros1.msg.catalogue import DEFINITIONS, SERVICES
 from gateway.ros1.msg.codec import compiled
+from gateway.ros1.msg.known_messages import DEFINITIONS, SERVICES
 
 
 def test_services_have_a_request_and_a_response() -> None:

@@ -6,11 +6,11 @@ from schemas.keys import CameraKey
 from services.monitor import fleet as fleet_module
 from services.monitor.fleet import Fleet
 from services.monitor.inventory import inventory as inventory_module
-from services.monitor.inventory import room as room_module
+from services.monitor.inventory import member_limit as room_module
 from services.monitor.inventory import view as view_module
 from services.monitor.inventory.availability import AvailabilityTracker
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.inventory.room import (
+from services.monitor.inventory.member_limit import (
     CLAIMED_PART,
     MAX_MEMBERS,
     MAX_ROBOT_CAMERAS,

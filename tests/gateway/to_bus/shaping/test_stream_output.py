@@ -9,7 +9,7 @@ import pytest
 
 from bus import SMALL_BYTES, SMALL_WAITING
 from bus.fake import FakeNetwork
-from gateway.to_bus.shaping import outlet as outlet_module
+from gateway.to_bus.shaping import stream_output as output_module
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
@@ -39,50 +39,50 @@ async def rig() -> AsyncIterator[Rig]:
 
 
 async def test_without_shaping_everything_goes_as_it_is(rig: Rig) -> None:
-    outlet, arrived = await rig.outlet(COLOR)
-    outlet.put(numbered(0))
+    output, arrived = await rig.output(COLOR)
+    output.put(numbered(0))
     assert await receive(arrived, ImageFrame) == numbered(0)
-    assert (outlet.counts.bytes, outlet.counts.compression) == (len(codec.encode(numbered(0))), "raw")
+    assert (output.counts.bytes, output.counts.compression) == (len(codec.encode(numbered(0))), "raw")
 
 
 async def test_auto_is_raw_at_once_while_all_are_here_and_compressed_for_anybody_else(rig: Rig) -> None:
-    outlet, arrived = await rig.outlet(COLOR, await rig.shaping())
+    output, arrived = await rig.output(COLOR, await rig.shaping())
     rig.listens(COLOR, "here")
-    outlet.put(numbered(0))
-    assert outlet.counts.bytes  # sent already: it waits for no thread
+    output.put(numbered(0))
+    assert output.counts.bytes  # sent already: it waits for no thread
     assert (await receive(arrived, ImageFrame)).format == "raw"
     rig.listens(COLOR, "there")
-    outlet.put(numbered(1))
+    output.put(numbered(1))
     assert (await receive(arrived, ImageFrame)).format == "jpeg"
-    assert outlet.counts.compression == "jpeg:80"
+    assert output.counts.compression == "jpeg:80"
     rig.listens(COLOR, "here", alive=False)
     rig.listens(COLOR, "there", alive=False)
-    outlet.put(numbered(2))
+    output.put(numbered(2))
     assert (await receive(arrived, ImageFrame)).format == "jpeg"
 
 
 async def test_a_raw_frame_does_not_overtake_one_that_is_being_compressed(rig: Rig) -> None:
-    outlet, arrived = await rig.outlet(COLOR, await rig.shaping())
-    outlet.put(numbered(0, size=500))
+    output, arrived = await rig.output(COLOR, await rig.shaping())
+    output.put(numbered(0, size=500))
     await asyncio.sleep(0)
     await asyncio.sleep(0)
     rig.listens(COLOR, "here")
-    outlet.put(numbered(1))
+    output.put(numbered(1))
     assert [(await receive(arrived, ImageFrame)).header.seq for _ in range(2)] == [0, 1]
 
 
 async def test_newest_wins_while_the_workshop_is_busy(rig: Rig) -> None:
-    outlet, arrived = await rig.outlet(COLOR, await rig.shaping(compression="png"))
+    output, arrived = await rig.output(COLOR, await rig.shaping(compression="png"))
     for seq in range(4):
-        outlet.put(numbered(seq))
+        output.put(numbered(seq))
     assert (await receive(arrived, ImageFrame)).header.seq == 3
-    assert outlet.counts.dropped == {REPLACED_BEFORE_SHAPING: 3}
+    assert output.counts.dropped == {REPLACED_BEFORE_SHAPING: 3}
 
 
 async def test_depth_and_points_are_compressed_without_loss(rig: Rig) -> None:
     shaping = await rig.shaping()
-    depth, depth_arrived = await rig.outlet(DEPTH, shaping)
-    points, points_arrived = await rig.outlet(POINTS, shaping)
+    depth, depth_arrived = await rig.output(DEPTH, shaping)
+    points, points_arrived = await rig.output(POINTS, shaping)
     depth.put(msgspec.structs.replace(frame("32FC1", picture()[..., 0].astype("f4"))))
     points.put(cloud())
     assert (await receive(depth_arrived, ImageFrame)).format == "zstd"
@@ -92,15 +92,15 @@ async def test_depth_and_points_are_compressed_without_loss(rig: Rig) -> None:
 async def test_a_frame_that_cannot_be_scaled_is_counted_and_said_once_in_a_while(
     rig: Rig, caplog: pytest.LogCaptureFixture
 ) -> None:
-    outlet, arrived = await rig.outlet(COLOR, await rig.shaping(scale="1/2"))
+    output, arrived = await rig.output(COLOR, await rig.shaping(scale="1/2"))
     with caplog.filtering(RateLimitFilter(RateLimit())):
-        outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
-        await until(lambda: UNSHAPED in outlet.counts.dropped, "it is counted")
-        outlet.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
-        await until(lambda: outlet.counts.dropped == {UNSHAPED: 2}, "it is counted again")
-    (line,) = [record.getMessage() for record in caplog.records if record.name == outlet_module.__name__]
+        output.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
+        await until(lambda: UNSHAPED in output.counts.dropped, "it is counted")
+        output.put(compressed(file_of(picture(4, 6), ".png"), "rgb8", 18))
+        await until(lambda: output.counts.dropped == {UNSHAPED: 2}, "it is counted again")
+    (line,) = [record.getMessage() for record in caplog.records if record.name == output_module.__name__]
     assert line.startswith("fleet/r1/front/color: frame left out: a png that arrived as one cannot be scaled")
-    outlet.put(numbered(1))
+    output.put(numbered(1))
     assert (await receive(arrived, ImageFrame)).header.seq == 1
 
 
@@ -112,9 +112,9 @@ def raw_message(size: int) -> RawMessage:
 
 async def test_frames_wait_for_the_uplink_and_the_newest_wins_but_calibrations_go_at_once(rig: Rig) -> None:
     shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")  # 10,000 bytes a second, 1,000 of them ahead
-    color, frames = await rig.outlet(COLOR, shaping)
-    battery, batteries = await rig.outlet(BATTERY, shaping)
-    calibration, infos = await rig.outlet(INFO, shaping)
+    color, frames = await rig.output(COLOR, shaping)
+    battery, batteries = await rig.output(BATTERY, shaping)
+    calibration, infos = await rig.output(INFO, shaping)
     color.put(numbered(0, size=20))
     for seq in (1, 2, 3):
         color.put(numbered(seq))
@@ -129,7 +129,7 @@ async def test_frames_wait_for_the_uplink_and_the_newest_wins_but_calibrations_g
 
 async def test_small_messages_wait_for_the_uplink_in_order_and_a_large_one_for_none(rig: Rig) -> None:
     shaping = await rig.shaping(uplink_mbit=0.08)  # 10,000 bytes a second, 1,000 of them ahead
-    battery, arrived = await rig.outlet(BATTERY, shaping)
+    battery, arrived = await rig.output(BATTERY, shaping)
     sizes = range(400, 410)
     for size in sizes:
         battery.put(raw_message(size))
@@ -145,7 +145,7 @@ async def test_small_messages_wait_for_the_uplink_in_order_and_a_large_one_for_n
 
 
 async def test_small_messages_that_wait_have_so_many_bytes_together(rig: Rig) -> None:
-    battery, _ = await rig.outlet(BATTERY, await rig.shaping(uplink_mbit=0.01))
+    battery, _ = await rig.output(BATTERY, await rig.shaping(uplink_mbit=0.01))
     for _ in range(5):
         battery.put(raw_message(30_000))
     assert battery.counts.dropped == {}
@@ -154,7 +154,7 @@ async def test_small_messages_that_wait_have_so_many_bytes_together(rig: Rig) ->
 
 
 async def test_small_messages_that_wait_go_at_once_when_all_who_listen_are_here(rig: Rig) -> None:
-    battery, arrived = await rig.outlet(BATTERY, await rig.shaping(uplink_mbit=0.01))
+    battery, arrived = await rig.output(BATTERY, await rig.shaping(uplink_mbit=0.01))
     for size in range(400, 410):
         battery.put(raw_message(size))
     rig.listens(BATTERY, "here")
@@ -166,26 +166,26 @@ async def test_small_messages_that_wait_go_at_once_when_all_who_listen_are_here(
 async def test_what_is_larger_than_receivers_read_is_left_out_and_counted(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, uplink_mbit: float | None
 ) -> None:
-    monkeypatch.setattr(outlet_module, "LARGEST", 2_000)
+    monkeypatch.setattr(output_module, "LARGEST", 2_000)
     shaping = await rig.shaping(compression="raw", uplink_mbit=uplink_mbit)
     for key, large, small in (
         (COLOR, numbered(0, size=30), numbered(1, size=10)),
         (BATTERY, raw_message(2_000), raw_message(1_000)),
     ):
-        outlet, arrived = await rig.outlet(key, shaping)
-        outlet.put(large)
-        outlet.put(small)
+        output, arrived = await rig.output(key, shaping)
+        output.put(large)
+        output.put(small)
         assert await receive(arrived, type(small)) == small
-        assert outlet.counts.dropped == {TOO_LARGE: 1}
+        assert output.counts.dropped == {TOO_LARGE: 1}
 
 
 async def test_on_a_thin_uplink_a_cameras_streams_send_the_same_instants(rig: Rig) -> None:
     shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")
-    color, frames = await rig.outlet(COLOR, shaping)
-    depth, depths = await rig.outlet(DEPTH, shaping)
+    color, frames = await rig.output(COLOR, shaping)
+    depth, depths = await rig.output(DEPTH, shaping)
     for seq in range(4):
-        for outlet in (color, depth) if seq % 2 else (depth, color):
-            outlet.put(stamped(seq))
+        for output in (color, depth) if seq % 2 else (depth, color):
+            output.put(stamped(seq))
     color.put(stamped(4))
     assert [(await receive(frames, ImageFrame)).header.seq for _ in range(3)] == [0, 3, 4]
     depth.put(stamped(4))
@@ -195,8 +195,8 @@ async def test_on_a_thin_uplink_a_cameras_streams_send_the_same_instants(rig: Ri
 
 async def test_on_a_thin_uplink_depth_of_the_few_frames_that_a_worker_can_use_goes_with_them(rig: Rig) -> None:
     shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")
-    color, frames = await rig.outlet(COLOR, shaping)
-    depth, depths = await rig.outlet(DEPTH, shaping)
+    color, frames = await rig.output(COLOR, shaping)
+    depth, depths = await rig.output(DEPTH, shaping)
     for seq in range(0, 40, 2):
         if seq % 20 == 10:
             color.put(stamped(seq))
@@ -208,8 +208,8 @@ async def test_on_a_thin_uplink_depth_of_the_few_frames_that_a_worker_can_use_go
 
 async def test_on_a_thin_uplink_what_may_be_a_publishers_last_is_not_left_out_for_later_instants(rig: Rig) -> None:
     shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")
-    color, frames = await rig.outlet(COLOR, shaping)
-    latched, depths = await rig.outlet(DEPTH, shaping)
+    color, frames = await rig.output(COLOR, shaping)
+    latched, depths = await rig.output(DEPTH, shaping)
     color.put(numbered(0, size=20))
     latched.put(stamped(1), may_be_last=True)
     for seq in (2, 3, 4):
@@ -228,7 +228,7 @@ def stamped(seq: int) -> ImageFrame:
 
 
 async def test_what_stays_on_this_machine_needs_no_uplink(rig: Rig) -> None:
-    color, frames = await rig.outlet(COLOR, await rig.shaping(uplink_mbit=0.08, compression="raw"))
+    color, frames = await rig.output(COLOR, await rig.shaping(uplink_mbit=0.08, compression="raw"))
     for seq in range(3):
         color.put(numbered(seq, size=30))
     rig.listens(COLOR, "here")
@@ -242,8 +242,8 @@ async def test_transforms_take_of_the_uplink_what_leaves_this_machine_and_go_at_
     rig: Rig, clock: str, sent: list[int]
 ) -> None:
     shaping = await rig.shaping(uplink_mbit=0.08, compression="raw")  # 10,000 bytes a second, 1,000 of them ahead
-    moving, arrived = await rig.outlet(TF, shaping)
-    color, frames = await rig.outlet(COLOR, shaping)
+    moving, arrived = await rig.output(TF, shaping)
+    color, frames = await rig.output(COLOR, shaping)
     rig.listens(TF, clock)
     rig.listens(COLOR, "there")
     for _ in range(100):
@@ -257,11 +257,11 @@ async def test_transforms_take_of_the_uplink_what_leaves_this_machine_and_go_at_
 
 async def test_an_outlet_that_is_closed_sends_nothing_more(rig: Rig) -> None:
     for settings in ({"uplink_mbit": 0.08, "compression": "raw"}, {"compression": "png"}):
-        outlet, _ = await rig.outlet(COLOR, await rig.shaping(**settings))
+        output, _ = await rig.output(COLOR, await rig.shaping(**settings))
         for seq in range(3):
-            outlet.put(numbered(seq, size=30))
-        sent = outlet.counts.bytes
-        outlet.close()
+            output.put(numbered(seq, size=30))
+        sent = output.counts.bytes
+        output.close()
         await asyncio.sleep(0.3)
-        assert outlet.counts.bytes == sent
-        assert outlet.counts.dropped[ENDED] == 1
+        assert output.counts.bytes == sent
+        assert output.counts.dropped[ENDED] == 1

@@ -13,12 +13,12 @@ import pytest
 
 from bus.fake import FakeNetwork
 from schemas.alerts import Alert, AlertState
-from services.monitor.alerting import robots as module
+from services.monitor.alerting import robot_delivery as module
 from services.monitor.alerting.alerting import Alerting
-from services.monitor.alerting.robots import Lanes
+from services.monitor.alerting.robot_delivery import Lanes
 from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from services.monitor.inventory.sighting import Debounce
 from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.alerting.test_webhooks import Receiver, receiving

@@ -73,7 +73,7 @@ TOO_MANY: Final = "the site has its most objects"
 FLOOD: Final = "more new objects than a robot may bring"
 
 
-class Population:
+class ObjectLifecycle:
     """A site's objects by row. left_out: counts by robot and reason, shared with the model. events: of this batch."""
 
     def __init__(self, rules: Rules, classes: Classes, left_out: Counter[tuple[str, str]]) -> None:

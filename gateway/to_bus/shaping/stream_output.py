@@ -24,16 +24,16 @@ from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, TOO_LARG
 
 
 @dataclass(frozen=True, slots=True)
-class OutletCounts:
+class OutputCounts:
     """Drops by reason, payload bytes sent, and the last frame's compression; empty for other messages."""
 
     dropped: Mapping[str, int] = field(default_factory=dict)
     bytes: int = 0
     compression: str = ""
 
-    def __add__(self, other: Self) -> "OutletCounts":
+    def __add__(self, other: Self) -> "OutputCounts":
         """Return the sum of the counts of both."""
-        return OutletCounts(
+        return OutputCounts(
             Counter(self.dropped) + Counter(other.dropped),
             self.bytes + other.bytes,
             other.compression or self.compression,
@@ -47,7 +47,7 @@ LARGEST: Final = max(codec.MAX_BYTES.values())
 
 
 @dataclass(frozen=True, slots=True)
-class OutletPlan:
+class OutputPlan:
     """The shaping of a stream.
 
     all_here: whether nobody elsewhere listens. droppable: whether its messages wait for the uplink's budget. moment_of:
@@ -67,14 +67,14 @@ class OutletPlan:
         return NONE if self.all_here() else LOSSY
 
 
-class Outlet:
+class StreamOutput:
     """Takes a stream's messages. Raw frames and messages other than frames are passed on directly."""
 
     def __init__(
         self,
         key: SensorKey,
         publisher: Publisher,
-        plan: OutletPlan,
+        plan: OutputPlan,
         workshop: EncoderPool | None = None,
         pacer: Pacer | None = None,
     ) -> None:
@@ -89,9 +89,9 @@ class Outlet:
         self._compression = ""
 
     @property
-    def counts(self) -> OutletCounts:
+    def counts(self) -> OutputCounts:
         """Counts of the messages so far."""
-        return OutletCounts(+self._dropped, self._bytes, self._compression)
+        return OutputCounts(+self._dropped, self._bytes, self._compression)
 
     def put(self, message: codec.Message, *, may_be_last: bool = False) -> None:
         """Send a message, now or once it is shaped and the uplink's budget allows.
@@ -182,11 +182,11 @@ class Outlet:
             self._dropped[ENDED] += self._queue.close()
 
 
-OutletOf = Callable[[SensorKey, Publisher], AbstractContextManager[Outlet]]
-"""Opens the outlet of a stream to one of its publishers."""
+OutputOf = Callable[[SensorKey, Publisher], AbstractContextManager[StreamOutput]]
+"""Opens the output of a stream to one of its publishers."""
 
 
 @contextmanager
-def unshaped(key: SensorKey, publisher: Publisher) -> Iterator[Outlet]:
-    """Open an outlet that sends a stream's messages unshaped."""
-    yield Outlet(key, publisher, OutletPlan())
+def unshaped(key: SensorKey, publisher: Publisher) -> Iterator[StreamOutput]:
+    """Open an output that sends a stream's messages unshaped."""
+    yield StreamOutput(key, publisher, OutputPlan())

@@ -52,7 +52,7 @@ def first_leaving(heard: Iterable[str], stays: Callable[[str], bool]) -> list[st
     return found
 
 
-class CameraRoom:
+class MemberLimit:
     """Which cameras are present, and which absent ones leave first when there are too many.
 
     First those leave that never announced themselves, as names in messages cost their sender nothing; then the absent

@@ -5,8 +5,8 @@ import pytest
 
 from schemas.world import WorldRequest
 from services.worldmodel.floor import EVERY_NS, Floor
-from services.worldmodel.inventory import Inventory, inside
 from services.worldmodel.model import SiteModel
+from services.worldmodel.published_objects import Inventory, inside
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.state import StateError, restored, saved
 from tests.services.worldmodel.scene import NS, Camera, Thing, known, view, watch

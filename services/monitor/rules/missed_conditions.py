@@ -32,7 +32,7 @@ class _Begun(NamedTuple):
     text: str
 
 
-class PassedConditions:
+class MissedConditions:
     """Finds them in changes of what is in view: of rules of the kinds appears, disappears, over and under.
 
     new_id: names alerts. page: where the monitor's pages are, for links to objects.

@@ -2,7 +2,7 @@ from collections.abc import Callable
 
 import pytest
 
-from bus.delivery.pieces import Pieces, joined
+from bus.delivery.split_payload import Pieces, joined
 from tests.bus.rooms import Room
 
 BODY = bytes(range(100, 150))

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from services.monitor.history import keeper as module
+from services.monitor.history import writer as module
 from services.monitor.history.intervals import Disagreement
 from services.monitor.history.presence import MONITOR
 from services.monitor.history.settings import NONE, HistorySettings, default_url

@@ -1,7 +1,7 @@
 from collections import Counter
 from contextlib import ExitStack
 
-from bus.sharing.tally import Tallies, Tally
+from bus.sharing.work_counts import Tallies, Tally
 from schemas import codec
 from schemas.keys import CameraKey
 from schemas.status import MAX_STREAMS, CameraLoad, WorkerStatus
