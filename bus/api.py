@@ -11,6 +11,7 @@ import msgspec
 
 from bus.delivery.pieces import Payload
 from bus.session.link_use import LinkUse
+from schemas import codec
 
 
 class QoS(Enum):
@@ -107,6 +108,9 @@ class SubscriptionCounts:
     unread: int = 0
 
 
+MAX_PAYLOAD_BYTES: Final = max(codec.MAX_BYTES.values())
+"""Largest payload of a message: that of the largest image or cloud that is read."""
+
 MAX_REQUEST_BYTES: Final = 16 * 1024 * 1024
 """Largest payload of a request, and of a reply. Those over 1 MiB may be lost on a slow or busy link."""
 
@@ -156,6 +160,7 @@ class Publisher(Protocol):
 
         Raises:
             BusClosedError: the publisher or the bus is closed.
+            BusError: the payload has more than MAX_PAYLOAD_BYTES, which no receiver takes.
             TypeError: the payload is neither bytes, bytearray nor Pieces.
 
         """
