@@ -39,10 +39,15 @@ class Latest:
 
 @dataclass(frozen=True, slots=True)
 class Queue:
-    """Keep the `depth` newest samples in order of arrival (of one publisher: of sending), of `most_bytes` together."""
+    """Keep the `depth` newest samples in order of arrival (of one publisher: of sending), of `most_bytes` together.
+
+    in_turn: in order for each robot (the first two parts of a key), and robots are served in turn. Without room, one
+    that has about the most bytes loses its oldest: a flood of one robot's neither delays nor drops others'.
+    """
 
     depth: int
     most_bytes: int = sys.maxsize
+    in_turn: bool = False
 
     def __post_init__(self) -> None:
         if self.depth < 1:

@@ -15,8 +15,12 @@ from zenoh.handlers import Callback, FifoChannel
 from bus.errors import BusError
 from bus.session.panics import panics_are_errors
 
-ROOM: Final = 16_384
-"""Capacity of the channel, in samples; when it is full, the link waits."""
+ROOM: Final = 2_048
+"""Capacity of the channel, in samples; when it is full, the link waits.
+
+A sample holds the whole batch that it came in until it is fetched, 64 KiB: with eight times the room, small messages of
+a flood took 100 MB here.
+"""
 
 AT_ONCE: Final = 1_000
 

@@ -1,5 +1,6 @@
 """Subscriptions of the real bus, without and with history."""
 
+import sys
 import threading
 import time
 from asyncio import AbstractEventLoop
@@ -224,4 +225,5 @@ def _numbered(
 
 def _sample(arrived: zenoh.Sample, *, kept: bool = False) -> Sample:
     """Return the sample with a reception time of its own, so that samples of one batch stay in order in time."""
-    return Sample(str(arrived.key_expr), arrived.payload.to_bytes(), str(arrived.encoding), time.time_ns(), kept=kept)
+    key, encoding = sys.intern(str(arrived.key_expr)), sys.intern(str(arrived.encoding))  # once, of many that wait
+    return Sample(key, arrived.payload.to_bytes(), encoding, time.time_ns(), kept=kept)
