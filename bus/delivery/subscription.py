@@ -41,6 +41,7 @@ class ZenohSubscription(SampleReader):
         super().__init__(keep, loop)
         self._key_expr = key_expr
         self._together = isinstance(keep, Queue) and "*" in key_expr and not few
+        self._most_bytes = keep.most_bytes if isinstance(keep, Queue) else sys.maxsize
         self._declared = ExitStack()
         self._turn = 0  # of being declared; callbacks compare it, as one with a session would release that at any time
 
@@ -52,7 +53,8 @@ class ZenohSubscription(SampleReader):
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
         declare = partial(session.declare_subscriber, self._key_expr)
-        self._declared.enter_context(taking(declare, partial(self.take, self._turn), together=self._together))
+        take = partial(self.take, self._turn)
+        self._declared.enter_context(taking(declare, take, together=self._together, most_bytes=self._most_bytes))
 
     def undeclare(self) -> None:
         """Undeclare."""

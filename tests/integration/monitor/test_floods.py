@@ -14,7 +14,7 @@ from schemas.keys import Stream
 from tests.integration.fleet import PATIENCE_S
 from tests.services.monitor.inventory.seeing import FRONT, seen
 
-MESSAGES = {"names": 60_000, "robot": 60_000, "lists": 600, "statuses": 300}
+MESSAGES = {"names": 60_000, "robot": 60_000, "lists": 600, "statuses": 300, "workers": 600}
 """How many are sent: of most kinds, several times the memory that they may take."""
 MOST_MB = 200
 
