@@ -129,7 +129,7 @@ class HistorySubscription(ZenohSubscription):
 
     def take(self, turn: int, samples: Sequence[zenoh.Sample]) -> None:
         """See `ZenohSubscription.take`."""
-        numbered, others = _numbered(sample for sample in samples if not is_sent_again(sample))
+        numbered, others = _numbered(samples)
         self.arrive_all(others)
         with self._one_at_a_time:
             self._history.live(numbered, current=turn == self._turn)
@@ -211,15 +211,20 @@ class HistorySubscription(ZenohSubscription):
 def _numbered(
     samples: Iterable[zenoh.Sample], *, kept: bool = False
 ) -> tuple[list[Numbered[Sample | None]], list[Sample]]:
-    """Return the numbered samples, deletions with None as message, and the samples without numbers."""
+    """Return the numbered samples, deletions with None as message, and the samples without numbers.
+
+    kept: they come from a cache; live ones that were sent again are left out.
+    """
     numbered: list[Numbered[Sample | None]] = []
     others: list[Sample] = []
     for sample in samples:
         stamped = stamp_of(sample)
+        if stamped is not None and stamped.again and not kept:
+            continue
         message = _sample(sample, kept=kept) if sample.kind == _PUT else None
         if stamped is not None:
             key = str(sample.key_expr) if message is None else message.key
-            numbered.append(Numbered(key, *stamped, message))
+            numbered.append(Numbered(key, stamped.publisher, stamped.number, message))
         elif message is not None:
             others.append(message)
     return numbered, others
