@@ -7,6 +7,7 @@ error in time. Payloads are bytes, or pieces of them; what they mean is for othe
 from bus.api import (
     DEFAULT_ENCODING,
     LATEST,
+    MAX_PAYLOAD_BYTES,
     MAX_REQUEST_BYTES,
     MAX_TIMEOUT_S,
     QUEUE,
@@ -35,6 +36,7 @@ from bus.zenoh_bus import open_bus
 __all__ = [
     "DEFAULT_ENCODING",
     "LATEST",
+    "MAX_PAYLOAD_BYTES",
     "MAX_REQUEST_BYTES",
     "MAX_TIMEOUT_S",
     "QUEUE",

@@ -11,6 +11,7 @@ import msgspec
 
 from bus.delivery.split_payload import Payload
 from bus.session.link_use import LinkUse
+from schemas import codec
 
 
 class QoS(Enum):
@@ -38,10 +39,15 @@ class Latest:
 
 @dataclass(frozen=True, slots=True)
 class Queue:
-    """Keep the `depth` newest samples in order of arrival (of one publisher: of sending), of `most_bytes` together."""
+    """Keep the `depth` newest samples in order of arrival (of one publisher: of sending), of `most_bytes` together.
+
+    in_turn: in order for each robot (the first two parts of a key), and robots are served in turn. Without room, one
+    that has about the most bytes loses its oldest: a flood of one robot's neither delays nor drops others'.
+    """
 
     depth: int
     most_bytes: int = sys.maxsize
+    in_turn: bool = False
 
     def __post_init__(self) -> None:
         if self.depth < 1:
@@ -107,6 +113,9 @@ class SubscriptionCounts:
     unread: int = 0
 
 
+MAX_PAYLOAD_BYTES: Final = max(codec.MAX_BYTES.values())
+"""Largest payload of a message: that of the largest image or cloud that is read."""
+
 MAX_REQUEST_BYTES: Final = 16 * 1024 * 1024
 """Largest payload of a request, and of a reply. Those over 1 MiB may be lost on a slow or busy link."""
 
@@ -156,6 +165,7 @@ class Publisher(Protocol):
 
         Raises:
             BusClosedError: the publisher or the bus is closed.
+            BusError: the payload has more than MAX_PAYLOAD_BYTES, which no receiver takes.
             TypeError: the payload is neither bytes, bytearray nor Pieces.
 
         """

@@ -42,3 +42,8 @@ def is_single_key(text: str) -> bool:
 def matches(key_expr: str, other: str) -> bool:
     """Return whether two valid key expressions have a key in common."""
     return zenoh.KeyExpr(key_expr).intersects(other)
+
+
+def whose(key: str) -> str:
+    """Return the beginning of a key that says whose it is: `fleet/r1` of `fleet/r1/front/classes`."""
+    return "/".join(key.split("/", 2)[:2])

@@ -62,6 +62,14 @@ def names() -> Iterator[Message]:
             yield key.stream(Stream.CLASSES), class_list(key, seq, iter(["box"]))
 
 
+def robot() -> Iterator[Message]:
+    """Yield small lists of one robot's cameras."""
+    for seq in itertools.count():
+        for number in range(CAMERAS):
+            key = named(0, f"c{number}")
+            yield key.stream(Stream.CLASSES), class_list(key, seq, iter(["box"]))
+
+
 def lists() -> Iterator[Message]:
     """Yield the largest lists, of ever new classes, of some cameras."""
     numbers = itertools.count()
@@ -111,6 +119,7 @@ def workers() -> Iterator[Message]:
 
 FLOODS: Final[dict[str, Callable[[], Iterator[Message]]]] = {
     "names": names,
+    "robot": robot,
     "lists": lists,
     "statuses": statuses,
     "workers": workers,

@@ -3,32 +3,43 @@
 import asyncio
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
 from benchmarks.gateway.flow import free_endpoint
 from benchmarks.gateway.processes import PeerError, Process, module, running
 from benchmarks.monitor.scenario import TOOLBOX
-from bus import Bus, BusSettings, RequestError, open_bus
+from bus import Bus, BusSettings, Publisher, QoS, RequestError, open_bus
 from schemas import codec, keys
+from schemas.detections import ClassCount, ClassList
+from schemas.header import Header
 from schemas.inventory import InventoryAnswer, InventoryRequest
+from schemas.keys import CameraKey, Stream
 
 START_S: Final = 60.0
 ASK_S: Final = 10.0
 LOOK_S: Final = 0.1
+LOST_S: Final = 20.0
+"""A class list that is not seen after this counts as lost."""
+
 AFTER_S: Final = 1.0
 """What was on its way when a flood ended is taken in by then."""
 
 
 @dataclass(frozen=True, slots=True)
 class Flood:
-    """What a flood did. answer_s: the longest answer of the monitor, during and shortly after it."""
+    """What a flood did.
+
+    answer_s: the longest answer of the monitor, during and shortly after it. others_s: the longest time until it had
+    taken in a class list of a robot that has no part in it.
+    """
 
     sent: int
     sent_mb: float
     rss_growth_mb: float
     answer_s: float
+    others_s: float
     left_out: dict[str, int]
     problems: list[str]
 
@@ -39,6 +50,7 @@ class Flood:
             "sent_mb": self.sent_mb,
             "rss_growth_mb": round(self.rss_growth_mb, 1),
             "answers_s": round(self.answer_s, 2),
+            "others_s": round(self.others_s, 2),
             "left_out": sum(self.left_out.values()),
         }
 
@@ -69,24 +81,31 @@ class Victim:
         Raises:
             PeerError: the monitor, or the sender, ended.
         """
+        async with _other_robot(self) as other:
+            return await self._flood(other, kind, seconds, least)
+
+    async def _flood(self, other: "OtherRobot", kind: str, seconds: float, least: int) -> Flood:
         with running(module("flood", kind, self.endpoint, str(seconds), str(least))) as sender:
             before = highest = self.process.rss_bytes()
             sending = asyncio.create_task(asyncio.to_thread(sender.answer, START_S + seconds))
-            longest_s, ended_s = 0.0, float("inf")
-            asking = asyncio.create_task(self._time())
+            longest_s, others_s, ended_s = 0.0, 0.0, float("inf")
+            asking, speaking = asyncio.create_task(self._time()), asyncio.create_task(other.time())
             while time.monotonic() < ended_s + AFTER_S:
                 await asyncio.sleep(LOOK_S)
                 highest = max(highest, self.process.rss_bytes())
                 if asking.done():
                     longest_s = max(longest_s, asking.result())
                     asking = asyncio.create_task(self._time())
+                if speaking.done():
+                    others_s = max(others_s, speaking.result())
+                    speaking = asyncio.create_task(other.time())
                 if sending.done():
                     ended_s = min(ended_s, time.monotonic())
-            longest_s = max(longest_s, await asking)
+            longest_s, others_s = max(longest_s, await asking), max(others_s, await speaking)
             sent = await sending
         said = await self.answer()
         growth = (highest - before) / 2**20
-        return Flood(sent["sent"], sent["sent_mb"], growth, longest_s, said.left_out, said.problems)
+        return Flood(sent["sent"], sent["sent_mb"], growth, longest_s, others_s, said.left_out, said.problems)
 
     async def _time(self) -> float:
         """Return how long an answer takes."""
@@ -98,6 +117,54 @@ class Victim:
         except RequestError:
             return max(ASK_S, time.monotonic() - began_s)
         return time.monotonic() - began_s
+
+
+OTHER: Final = CameraKey("r1", "front")
+
+
+class OtherRobot:
+    """A robot that goes on sending class lists while somebody else floods the monitor."""
+
+    def __init__(self, monitor: Victim, lists: Publisher) -> None:
+        self._monitor = monitor
+        self._lists = lists
+        self._seq = 0
+
+    async def time(self) -> float:
+        """Send a list; return how long the monitor takes to show what is in it."""
+        self._seq += 1
+        score = self._seq / 2**20
+        now_ns, began_s = time.time_ns(), time.monotonic()
+        header = Header(
+            robot=OTHER.robot,
+            camera=OTHER.camera,
+            boot_id="other",
+            seq=self._seq,
+            stamp_ns=now_ns,
+            frame_id="",
+            received_ns=now_ns,
+        )
+        seen = ClassList(header=header, classes=[ClassCount("pallet", 1, score)], model="m", worker="w")
+        self._lists.put(codec.encode(seen))
+        while (took_s := time.monotonic() - began_s) < LOST_S:
+            with suppress(RequestError):
+                if any(each.score == score for each in (await self._monitor.answer()).sightings):
+                    break
+            await asyncio.sleep(LOOK_S)
+        return took_s
+
+
+@asynccontextmanager
+async def _other_robot(monitor: Victim) -> AsyncIterator[OtherRobot]:
+    """Have a robot there of which the monitor has heard."""
+    bus = monitor.bus
+    lists = bus.publisher(OTHER.stream(Stream.CLASSES), QoS.RESULT, encoding=codec.encoding(ClassList))
+    async with bus.announce(keys.robot_alive(OTHER.robot)), bus.announce(OTHER.alive(Stream.COLOR)), lists as publisher:
+        other = OtherRobot(monitor, publisher)
+        until_s = time.monotonic() + START_S
+        while await other.time() >= LOST_S and time.monotonic() < until_s:
+            pass
+        yield other
 
 
 @asynccontextmanager

@@ -2,6 +2,7 @@
 
 import atexit
 import logging
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -15,8 +16,17 @@ from zenoh.handlers import Callback, FifoChannel
 from bus.errors import BusError
 from bus.session.panics import panics_are_errors
 
-ROOM: Final = 16_384
-"""Capacity of the channel, in samples; when it is full, the link waits."""
+ROOM: Final = 2_048
+"""Capacity of the channel, in samples; when it is full, the link waits.
+
+A sample holds the whole batch that it came in until it is fetched, 64 KiB: with eight times the room, small messages of
+a flood took 100 MB here.
+"""
+
+SAMPLE_ROOM_BYTES: Final = 512 << 10
+"""Of a subscription whose waiting samples have a limit in bytes, the channel has one place for so many of them."""
+
+LEAST_ROOM: Final = 64
 
 AT_ONCE: Final = 1_000
 
@@ -42,16 +52,23 @@ _log: Final = logging.getLogger(__name__)
 
 
 def taking(
-    declare: Callable[[Any], Any], deliver: Callable[[Sequence[zenoh.Sample]], None], *, together: bool
+    declare: Callable[[Any], Any],
+    deliver: Callable[[Sequence[zenoh.Sample]], None],
+    *,
+    together: bool,
+    most_bytes: int = sys.maxsize,
 ) -> ExitStack:
     """Declare a subscriber and deliver its samples, in batches or one by one.
+
+    most_bytes: of all samples that wait where they are delivered to; beside them, few large ones wait here.
 
     Closing the returned stack undeclares it; dropping the reference alone does not end one with a callback.
     """
     declared = ExitStack()
     if together:
-        subscriber = declare(FifoChannel(ROOM))
-        declared.callback(Gathering(subscriber.handler, deliver).join, STOP_GRACE_S)
+        room = min(ROOM, max(LEAST_ROOM, most_bytes // SAMPLE_ROOM_BYTES))
+        subscriber = declare(FifoChannel(room))
+        declared.callback(Gathering(subscriber.handler, deliver, room).join, STOP_GRACE_S)
         _OPEN.add(declared)
     else:
         subscriber = declare(Callback(lambda sample: deliver([sample]), indirect=False))
@@ -70,16 +87,18 @@ def _close_all() -> None:
 class Gathering:
     """Fetches samples from a channel on a thread of its own, until the channel is closed.
 
-    deliver: is given the samples of a batch, in order. size: the bytes of a sample.
+    deliver: is given the samples of a batch, in order. room: of the channel. size: the bytes of a sample.
     """
 
     def __init__(
         self,
         channel: Any,
         deliver: Callable[[Sequence[zenoh.Sample]], None],
+        room: int = ROOM,
         size: Callable[[Any], int] = lambda sample: len(sample.payload),
     ) -> None:
         self._channel = channel
+        self._room = room
         self._size = size
         self._is_behind = False
         self._deliver = deliver
@@ -120,7 +139,7 @@ class Gathering:
                 sample = self._channel.try_recv() if len(batch) < AT_ONCE and left > 0 else None
         except zenoh.ZError:  # the channel is closed
             pass
-        self._is_behind = left <= 0
+        self._is_behind = left <= 0 or len(batch) >= self._room
         return batch
 
 

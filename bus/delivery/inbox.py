@@ -5,7 +5,6 @@ import contextlib
 import threading
 from asyncio import AbstractEventLoop
 from collections.abc import Callable, Sequence
-from itertools import islice
 from typing import Generic, TypeVar
 
 from bus.delivery.mailbox import Mailbox, Taken
@@ -81,10 +80,14 @@ class Inbox(Generic[T]):
             finally:
                 self._waiter = None
 
-    def take_waiting(self, most: int) -> list[Taken[str, T]]:
-        """Take the items that wait, in order, without waiting for more."""
+    def take_waiting(self, most: int, most_bytes: int, size: Callable[[T], int]) -> list[Taken[str, T]]:
+        """Take the items that wait, in order, without waiting for more. size: the bytes of one."""
+        found: list[Taken[str, T]] = []
         with self._lock:
-            return list(islice(iter(self._take, None), most))
+            while len(found) < most and most_bytes > 0 and (taken := self._take()) is not None:
+                found.append(taken)
+                most_bytes -= size(taken.item)
+        return found
 
     def _take(self) -> Taken[str, T] | None:
         taken = self._mailbox.take()

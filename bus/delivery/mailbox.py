@@ -2,7 +2,7 @@
 
 import heapq
 import sys
-from collections import OrderedDict, deque
+from collections import OrderedDict, defaultdict, deque
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Final, Generic, Protocol, TypeVar, final
@@ -149,3 +149,106 @@ class Fifo(Generic[K, T]):
         key, item = self._items.popleft()
         self._bytes -= self._size(item)
         return Taken(key, item, self._dropped.pop(key, 0))
+
+
+OWNER_BYTES: Final = 400
+"""Bytes that an owner's queue takes beside its items."""
+
+
+@dataclass(slots=True, eq=False)
+class _Link(Generic[K, T]):
+    """An item, and that of the same owner which came next."""
+
+    key: K
+    item: T
+    next: "_Link[K, T] | None" = None
+
+
+@dataclass(slots=True, eq=False)
+class _Share(Generic[K, T]):
+    """One owner's waiting items, and their bytes. They are linked: of thousands of owners, a deque each is large."""
+
+    oldest: _Link[K, T]
+    newest: _Link[K, T]
+    bytes: int = OWNER_BYTES
+
+
+@final
+class InTurn(Generic[K, T]):
+    """Keep items as a Fifo does, but for each owner of keys by itself, so that none keeps others waiting.
+
+    Owners are served in turn. Without room, one that has about the most bytes loses its oldest item.
+
+    owner: of a key. size: the bytes of an item.
+    """
+
+    def __init__(self, depth: int, most_bytes: int, size: Callable[[T], int], owner: Callable[[K], K]) -> None:
+        self._depth = depth
+        self._most_bytes = most_bytes
+        self._size = size
+        self._owner = owner
+        self._count = 0
+        self._bytes = 0
+        self._shares: OrderedDict[K, _Share[K, T]] = OrderedDict()
+        self._by_magnitude: defaultdict[int, dict[K, None]] = defaultdict(dict)  # owners by their bytes' bit length
+        self._dropped: OrderedDict[K, int] = OrderedDict()
+
+    def offer(self, key: K, item: T) -> int:
+        """Add an item; return how many were dropped for it."""
+        owner = self._owner(key)
+        share = self._shares.get(owner)
+        link = _Link(key, item)
+        if share is None:
+            share = self._shares[owner] = _Share(link, link)
+            self._bytes += share.bytes
+            self._by_magnitude[share.bytes.bit_length()][owner] = None
+        else:
+            share.newest.next = link
+            share.newest = link
+        self._grow(owner, share, self._size(item))
+        self._count += 1
+        dropped = 0
+        while (self._count > self._depth or self._bytes > self._most_bytes) and self._count > 1:
+            largest = next(iter(self._by_magnitude[max(self._by_magnitude)]))
+            victim, _ = self._pop(largest, self._shares[largest])
+            self._dropped[victim] = self._dropped.get(victim, 0) + 1
+            dropped += 1
+        while len(self._dropped) > MAX_KEYS:
+            self._dropped.popitem(last=False)
+        return dropped
+
+    def take(self) -> Taken[K, T] | None:
+        """Take the oldest item of the owner that was served longest ago."""
+        if not self._shares:
+            return None
+        owner = next(iter(self._shares))
+        self._shares.move_to_end(owner)
+        key, item = self._pop(owner, self._shares[owner])
+        return Taken(key, item, self._dropped.pop(key, 0))
+
+    def _pop(self, owner: K, share: _Share[K, T]) -> tuple[K, T]:
+        link = share.oldest
+        self._count -= 1
+        self._grow(owner, share, -self._size(link.item))
+        if link.next is None:
+            self._bytes -= share.bytes
+            self._leave(share.bytes.bit_length(), owner)
+            del self._shares[owner]
+        else:
+            share.oldest = link.next
+        return link.key, link.item
+
+    def _grow(self, owner: K, share: _Share[K, T], by: int) -> None:
+        before = share.bytes.bit_length()
+        share.bytes += by
+        self._bytes += by
+        after = share.bytes.bit_length()
+        if after != before:
+            self._leave(before, owner)
+            self._by_magnitude[after][owner] = None
+
+    def _leave(self, magnitude: int, owner: K) -> None:
+        owners = self._by_magnitude[magnitude]
+        del owners[owner]
+        if not owners:
+            del self._by_magnitude[magnitude]

@@ -9,10 +9,15 @@ from msgspec.structs import replace
 
 from bus.api import Latest, Presence, Queue, Sample, SubscriptionCounts
 from bus.delivery.inbox import Inbox
-from bus.delivery.mailbox import Fifo, Mailbox, PerKey, Taken
+from bus.delivery.mailbox import Fifo, InTurn, Mailbox, PerKey, Taken
+from bus.keys import whose
 
-SAMPLE_BYTES: Final = 800
-"""Bytes that a waiting sample takes beside its payload, with its key and encoding."""
+SAMPLE_BYTES: Final = 350
+"""Bytes that a waiting sample takes beside its payload, with a key of its own."""
+
+
+BYTES_AT_ONCE: Final = 4 << 20
+"""Most bytes of a batch, but for its last sample: it is no part of what may wait."""
 
 
 def _bytes_of(sample: Sample) -> int:
@@ -23,8 +28,10 @@ def _mailbox(keep: Latest | Queue) -> Mailbox[str, Sample]:
     match keep:
         case Latest():
             return PerKey()
-        case Queue(depth, most_bytes):
+        case Queue(depth, most_bytes, in_turn=False):
             return Fifo(depth, most_bytes, _bytes_of)
+        case Queue(depth, most_bytes):
+            return InTurn(depth, most_bytes, _bytes_of, whose)
         case never:
             assert_never(never)
 
@@ -67,7 +74,8 @@ class SampleReader:
     async def batches(self, most: int) -> AsyncIterator[list[Sample]]:
         """Iterate over batches of waiting samples."""
         async for first in self:
-            yield [first, *map(_sample, self._inbox.take_waiting(most - 1))]
+            left = BYTES_AT_ONCE - _bytes_of(first)
+            yield [first, *map(_sample, self._inbox.take_waiting(most - 1, left, _bytes_of))]
 
 
 def _sample(taken: Taken[str, Sample]) -> Sample:

@@ -1,5 +1,6 @@
 """Subscriptions of the real bus, without and with history."""
 
+import sys
 import threading
 import time
 from asyncio import AbstractEventLoop
@@ -40,6 +41,7 @@ class ZenohSubscription(SampleReader):
         super().__init__(keep, loop)
         self._key_expr = key_expr
         self._together = isinstance(keep, Queue) and "*" in key_expr and not few
+        self._most_bytes = keep.most_bytes if isinstance(keep, Queue) else sys.maxsize
         self._declared = ExitStack()
         self._turn = 0  # of being declared; callbacks compare it, as one with a session would release that at any time
 
@@ -51,7 +53,8 @@ class ZenohSubscription(SampleReader):
     def declare(self, session: zenoh.Session) -> None:
         """Declare on the session's thread."""
         declare = partial(session.declare_subscriber, self._key_expr)
-        self._declared.enter_context(taking(declare, partial(self.take, self._turn), together=self._together))
+        take = partial(self.take, self._turn)
+        self._declared.enter_context(taking(declare, take, together=self._together, most_bytes=self._most_bytes))
 
     def undeclare(self) -> None:
         """Undeclare."""
@@ -126,7 +129,7 @@ class HistorySubscription(ZenohSubscription):
 
     def take(self, turn: int, samples: Sequence[zenoh.Sample]) -> None:
         """See `ZenohSubscription.take`."""
-        numbered, others = _numbered(sample for sample in samples if not is_sent_again(sample))
+        numbered, others = _numbered(samples)
         self.arrive_all(others)
         with self._one_at_a_time:
             self._history.live(numbered, current=turn == self._turn)
@@ -208,15 +211,20 @@ class HistorySubscription(ZenohSubscription):
 def _numbered(
     samples: Iterable[zenoh.Sample], *, kept: bool = False
 ) -> tuple[list[Numbered[Sample | None]], list[Sample]]:
-    """Return the numbered samples, deletions with None as message, and the samples without numbers."""
+    """Return the numbered samples, deletions with None as message, and the samples without numbers.
+
+    kept: they come from a cache; live ones that were sent again are left out.
+    """
     numbered: list[Numbered[Sample | None]] = []
     others: list[Sample] = []
     for sample in samples:
         stamped = stamp_of(sample)
+        if stamped is not None and stamped.again and not kept:
+            continue
         message = _sample(sample, kept=kept) if sample.kind == _PUT else None
         if stamped is not None:
             key = str(sample.key_expr) if message is None else message.key
-            numbered.append(Numbered(key, *stamped, message))
+            numbered.append(Numbered(key, stamped.publisher, stamped.number, message))
         elif message is not None:
             others.append(message)
     return numbered, others
@@ -224,4 +232,5 @@ def _numbered(
 
 def _sample(arrived: zenoh.Sample, *, kept: bool = False) -> Sample:
     """Return the sample with a reception time of its own, so that samples of one batch stay in order in time."""
-    return Sample(str(arrived.key_expr), arrived.payload.to_bytes(), str(arrived.encoding), time.time_ns(), kept=kept)
+    key, encoding = sys.intern(str(arrived.key_expr)), sys.intern(str(arrived.encoding))  # once, of many that wait
+    return Sample(key, arrived.payload.to_bytes(), encoding, time.time_ns(), kept=kept)

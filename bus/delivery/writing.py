@@ -6,11 +6,11 @@ import time
 from collections.abc import Callable, Hashable
 from typing import Final, Protocol
 
-from bus.api import PublisherCounts
+from bus.api import MAX_PAYLOAD_BYTES, PublisherCounts
 from bus.delivery.mailbox import PerKey
 from bus.delivery.split_payload import Payload
 from bus.demand import Demand
-from bus.errors import BusClosedError
+from bus.errors import BusClosedError, BusError
 
 
 class MessageWriter:
@@ -41,6 +41,8 @@ class MessageWriter:
             raise BusClosedError(f"the publisher of {self._key} is closed")
         if not isinstance(payload, Payload):
             raise TypeError(f"a payload is bytes, bytearray or Pieces, not {type(payload).__name__}")
+        if len(payload) > MAX_PAYLOAD_BYTES:
+            raise BusError(f"{self._key}: a message of {len(payload)} bytes, at most {MAX_PAYLOAD_BYTES} are carried")
         self._put += 1
         self._send(payload)
 

@@ -13,6 +13,7 @@ from zenoh.handlers import Callback
 
 from bus.history.key_state import Fetch
 from bus.history.numbering import is_of
+from bus.keys import whose
 from bus.session.panics import panics_are_errors
 
 ASKED_AT_ONCE: Final = 16
@@ -70,7 +71,7 @@ class Caches:
         self._submit(partial(self._enqueue, fetch))
 
     def _enqueue(self, fetch: Fetch) -> None:
-        self._waiting.setdefault(_whose(fetch.key), deque()).append(fetch)
+        self._waiting.setdefault(whose(fetch.key), deque()).append(fetch)
         self._go_on()
 
     def _go_on(self) -> None:
@@ -126,11 +127,6 @@ class Caches:
             del self._asked[fetch.cache]
             self._answered(fetch, next(replies) > 0)
             self._go_on()
-
-
-def _whose(key: str) -> str:
-    """Return the beginning of a key that says whose it is: `fleet/r1` of `fleet/r1/front/classes`."""
-    return "/".join(key.split("/")[:2])
 
 
 def _after(fetch: Fetch) -> str:

@@ -1,7 +1,7 @@
 """Numbers of kept messages, as attachments, and keys of the caches that keep them."""
 
 import struct
-from typing import Final
+from typing import Final, NamedTuple
 
 import zenoh
 
@@ -21,20 +21,25 @@ def stamp(publisher: int, number: int) -> bytes:
     return _STAMP.pack(_MARK, publisher, number, 0)
 
 
-def stamp_of(sample: zenoh.Sample) -> tuple[int | str, int] | None:
-    """Return publisher and number as in `stamp`, or None for a sample without a number.
+class Stamp(NamedTuple):
+    """Publisher and number as in `stamp`. again: an earlier release sent it on a new session, too; its cache has it."""
 
-    Messages of other programs have Zenoh's own numbers.
-    """
+    publisher: int | str
+    number: int
+    again: bool = False
+
+
+def stamp_of(sample: zenoh.Sample) -> Stamp | None:
+    """Return a sample's number, or None if it has none. Messages of other programs have Zenoh's own numbers."""
     ours = _unpacked(sample)
     if ours is not None:
-        return ours[:2]
+        return Stamp(ours[0], ours[1], ours[2] > 0)
     info = sample.source_info
-    return None if info is None else (place_of(info.source_id), info.source_sn)
+    return None if info is None else Stamp(place_of(info.source_id), info.source_sn)
 
 
 def is_sent_again(sample: zenoh.Sample) -> bool:
-    """Return whether an earlier release sent a sample again on a new session; its cache has it, too."""
+    """Return `Stamp.again`, for those who need no number."""
     ours = _unpacked(sample)
     return ours is not None and ours[2] > 0
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from math import ceil
 from typing import Any, Final
 
+from bus.api import MAX_PAYLOAD_BYTES
 from bus.session.link_use import MAX_LINKS
 from bus.settings import BusSettings
 
@@ -48,8 +49,11 @@ With 50 ms, the default, messages of some dozen megabytes are never sent whole, 
 SOCKET_BYTES: Final = 256 << 10
 """Socket buffer at each end of a link; the system's default may hold a dozen images."""
 
-MAX_MESSAGE_BYTES: Final = (128 << 20) + (64 << 10)
-"""Largest message that a link receives: the largest payload that is read, and its overhead."""
+MAX_MESSAGE_BYTES: Final = MAX_PAYLOAD_BYTES + (128 << 10)
+"""Largest message that a link receives: the largest payload, its key and attachment. A larger one is lost.
+
+A router holds as much for each priority of a link, twice, for reliable messages and others, until messages are whole.
+"""
 
 
 def session_config(

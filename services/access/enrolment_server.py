@@ -25,6 +25,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 
 from schemas.errors import SchemaError
 from schemas.keys import check_name
+from services.accepting import accepted
 from services.access import enrolment_protocol as protocol
 from services.access.authority import Authority, AuthorityError
 from services.access.certificates import common_name_of, pem_of, write
@@ -92,20 +93,13 @@ class EnrolmentServer:
         self._tls.minimum_version = ssl.TLSVersion.TLSv1_3
         self._tls.verify_mode = ssl.CERT_OPTIONAL
         self._tls.load_verify_locations(cadata=pem_of(authority.certificate()).decode())
-        self._take_own_certificate()
+        self._use(self._own_certificate())
 
     async def serve(self, listening: socket.socket) -> None:
         """Answer whoever connects to a non-blocking socket, until cancelled."""
-        loop = asyncio.get_running_loop()
         async with asyncio.TaskGroup() as group:
             group.create_task(self._renew_own_certificate())
-            while True:
-                try:
-                    connected, (address, *_) = await loop.sock_accept(listening)
-                except OSError as error:  # too many open files, or a connection that has gone again
-                    log.warning("no connection can be accepted: %s", error.strerror)
-                    await asyncio.sleep(1)
-                    continue
+            async for connected, address in accepted(listening):
                 if self._connections.total() >= MAX_CONNECTIONS or self._connections[address] >= MAX_OF_ADDRESS:
                     log.warning("too many connections, closed one from %s", address)
                     connected.close()
@@ -204,15 +198,18 @@ class EnrolmentServer:
         while True:
             await asyncio.sleep(OWN_RENEWED_S)
             try:
-                await asyncio.to_thread(self._take_own_certificate)
+                made = await asyncio.to_thread(self._own_certificate)
+                self._use(made)  # here, where handshakes begin: between certificate and key they would fail
             except (AuthorityError, OSError) as error:
                 log.error("the server's own certificate cannot be renewed: %s", error)  # noqa: TRY400
 
-    def _take_own_certificate(self) -> None:
+    def _own_certificate(self) -> bytes:
         certificate, key = self._authority.certificate_of_server(OWN_DAYS)
+        return certificate + key
+
+    def _use(self, made: bytes) -> None:
         with tempfile.TemporaryDirectory() as folder:  # OpenSSL reads files alone
-            file = write(Path(folder) / "own.pem", certificate + key, mode=0o600)
-            self._tls.load_cert_chain(file)
+            self._tls.load_cert_chain(write(Path(folder) / "own.pem", made, mode=0o600))
 
 
 @contextlib.asynccontextmanager

@@ -48,10 +48,10 @@ from services.monitor.world.zone_file import ZoneFile
 
 log = logging.getLogger(__name__)
 
-WAITING = QUEUE(10_000, 32 << 20)
+WAITING = QUEUE(10_000, 32 << 20, in_turn=True)
 """Messages of each kind that wait."""
 
-LISTS_WAITING = QUEUE(200_000, 128 << 20)
+LISTS_WAITING = QUEUE(200_000, 64 << 20, in_turn=True)
 """Class lists that wait: those kept by thousands of robots during a cut arrive at once."""
 
 TICK_S = 1.0

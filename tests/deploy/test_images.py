@@ -21,10 +21,10 @@ from tests.deploy.units import DEPLOY, command
 pytestmark = pytest.mark.timeout(1200)  # six images are built first
 
 EXTRAS = {
-    "gateway": "",
+    "gateway": "pki",
     "space": "distance,cloud,worldmodel",
     "simulator": "simulator",
-    "monitor": "monitor",
+    "monitor": "monitor,pki",
 }
 """All but the detector's: torch alone has more bytes than all of these, and comes from the network."""
 
@@ -61,6 +61,12 @@ def test_an_image_runs_without_rights_and_without_tools_to_build_with(podman: Po
     (described,) = json.loads(podman.run("inspect", image))
     assert described["Config"]["User"] == "10001:10001"
     assert described["Config"]["Labels"]["org.opencontainers.image.licenses"] == "AGPL-3.0-or-later"
+
+
+@pytest.mark.parametrize("target", ["gateway", "monitor"])
+def test_a_robot_s_image_and_a_router_s_can_get_certificates(podman: Podman, target: str) -> None:
+    made = podman.once(f"localhost/fleetsight-{target}", "pki", "init", "--folder", "/tmp/pki")  # noqa: S108 - its own
+    assert made.startswith("/tmp/pki/ca.pem: the fleet's authority")  # noqa: S108
 
 
 def test_a_gateway_s_image_is_small(podman: Podman) -> None:

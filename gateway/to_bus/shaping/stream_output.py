@@ -5,9 +5,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from typing import Final, Self
+from typing import Self
 
-from bus import Payload, Pieces, Publisher
+from bus import MAX_PAYLOAD_BYTES, Payload, Pieces, Publisher
 from gateway.to_bus.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.to_bus.shaping.encoder_pool import EncodeJob, EncoderPool, Shaped
 from gateway.to_bus.shaping.paced_queue import PacedQueue
@@ -41,9 +41,6 @@ class OutputCounts:
 
 
 log = logging.getLogger(__name__)
-
-LARGEST: Final = max(codec.MAX_BYTES.values())
-"""Largest payload that a receiver reads, in bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,14 +151,14 @@ class StreamOutput:
 
     def _fits(self, payload: Payload) -> bool:
         """Return whether receivers read a payload of this size; count it as dropped if not."""
-        if len(payload) <= LARGEST:
+        if len(payload) <= MAX_PAYLOAD_BYTES:
             return True
         self._dropped[TOO_LARGE] += 1
         log.warning(
             "%s: message of %d bytes left out: at most %d are carried; --scale makes images smaller",
             self._key,
             len(payload),
-            LARGEST,
+            MAX_PAYLOAD_BYTES,
         )
         return False
 

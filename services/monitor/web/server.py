@@ -19,6 +19,7 @@ from uvicorn.server import ServerState
 from services.monitor.monitor import Monitor
 from services.monitor.web.application import guarded, make_application
 from services.monitor.web.auth.logins import Access
+from services.monitor.web.connections import Acceptor
 from services.monitor.web.pages import add_pages
 
 HEAD_S: Final = 10.0
@@ -26,21 +27,9 @@ HEAD_S: Final = 10.0
 
 MAX_HEAD_BYTES: Final = 64 * 1024
 
-TURNED_AWAY: Final = 50
-"""Connections over the limit that get a 503; further ones are closed."""
-
-SHARE: Final = 4
-"""One address has at most one in so many of all connections: what it does not use is left to others."""
-
-FEWEST: Final = 16
-"""Connections that an address may always have: a browser opens six."""
-
-PROXIES: Final = frozenset({"127.0.0.1", "::1"})
-"""Addresses without such a limit: a proxy on this machine speaks for everybody."""
-
 
 class BoundedProtocol(HttpToolsProtocol):
-    """Closes connections whose head is too slow or too long, those over the limit or over their address's share."""
+    """Closes connections whose head is too slow or too long."""
 
     def __init__(
         self,
@@ -59,12 +48,6 @@ class BoundedProtocol(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start the timeout of the first head."""
         super().connection_made(transport)
-        if self.limit_concurrency is not None and (
-            len(self.connections) > self.limit_concurrency + TURNED_AWAY
-            or self._of_this_address() > max(FEWEST, self.limit_concurrency // SHARE)
-        ):
-            transport.abort()
-            return
         self._begin_head()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -90,13 +73,6 @@ class BoundedProtocol(HttpToolsProtocol):
         """End the timeout of the head."""
         self._end_head()
         super().on_headers_complete()
-
-    def _of_this_address(self) -> int:
-        """Return how many connections come from where this one comes from."""
-        if self.client is None or self.client[0] in PROXIES:
-            return 0
-        places = (getattr(each, "client", None) for each in self.connections)
-        return sum(place is not None and place[0] == self.client[0] for place in places)
 
     def _begin_head(self) -> None:
         self._head_bytes = 0
@@ -133,7 +109,22 @@ ICON: Final = "👁"
 
 
 class _Server(uvicorn.Server):
-    """Leaves signals to its process."""
+    """Accepts connections by itself, so that all are bounded, and leaves signals to its process."""
+
+    def __init__(self, config: Config, listener: socket.socket, most: int, tls: ssl.SSLContext | None) -> None:
+        super().__init__(config)
+        self._listener = listener
+        self._acceptor = Acceptor(self.server_state, self._protocol, most, tls)
+
+    async def main_loop(self) -> None:
+        """Accept connections until it is to end."""
+        async with asyncio.TaskGroup() as group:
+            accepting = group.create_task(self._acceptor.run(self._listener))
+            await super().main_loop()
+            accepting.cancel()
+
+    def _protocol(self) -> BoundedProtocol:
+        return BoundedProtocol(self.config, self.server_state, self.lifespan.state)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -162,19 +153,18 @@ async def serve(monitor: Monitor, listener: socket.socket, access: Access, tls: 
         log_level="warning",
         access_log=False,
         lifespan="on",
-        http=BoundedProtocol,
         limit_concurrency=settings.web_connections,
         proxy_headers=settings.web_url is not None,
         server_header=False,
-        ssl_context_factory=None if tls is None else lambda *_: tls,
         timeout_graceful_shutdown=STOP_S,
         ws=SocketProtocol,
         ws_max_size=MAX_FRAME_BYTES,
     )
-    server = _Server(config)
-    serving = asyncio.ensure_future(server.serve(sockets=[listener]))
+    server = _Server(config, listener, settings.web_connections, tls)
+    serving = asyncio.ensure_future(server.serve(sockets=[]))
     try:
         await asyncio.shield(serving)
     finally:
         server.should_exit = True
         await asyncio.wait([serving])
+        listener.close()

@@ -53,7 +53,7 @@ def test_what_waits_is_delivered_together_in_order_until_the_channel_is_closed()
         if len(batches) == 2:
             whole.set()
 
-    gathering = Gathering(channel, deliver, lambda _: 1)
+    gathering = Gathering(channel, deliver, size=lambda _: 1)
     assert whole.wait(PATIENCE_S)
     channel.put("the last")
     channel.close()
@@ -65,7 +65,7 @@ def test_what_waits_is_delivered_together_in_order_until_the_channel_is_closed()
 def test_what_was_delivered_is_let_go_of_although_nothing_more_comes() -> None:
     channel = Channel(0)
     delivered = threading.Event()
-    gathering = Gathering(channel, lambda _: delivered.set(), lambda _: 1)
+    gathering = Gathering(channel, lambda _: delivered.set(), size=lambda _: 1)
     assert channel.asked.acquire(timeout=PATIENCE_S)
     letter = Letter()
     remains = weakref.ref(letter)
@@ -88,7 +88,7 @@ def test_what_cannot_be_delivered_keeps_nothing_else_from_it(caplog: pytest.LogC
             raise ValueError("bad")
         taken.extend(samples)
 
-    gathering = Gathering(channel, deliver, lambda _: 1)
+    gathering = Gathering(channel, deliver, size=lambda _: 1)
     channel.put("bad")
     for _ in range(2):
         assert channel.asked.acquire(timeout=PATIENCE_S)
@@ -120,7 +120,7 @@ def test_a_batch_ends_when_it_has_many_bytes() -> None:
         if sum(sizes) == 8:
             whole.set()
 
-    gathering = Gathering(channel, deliver, lambda _: BYTES_AT_ONCE // 3)
+    gathering = Gathering(channel, deliver, size=lambda _: BYTES_AT_ONCE // 3)
     assert whole.wait(PATIENCE_S)
     assert max(sizes) <= 4
     channel.close()

@@ -3,7 +3,7 @@ from collections import defaultdict
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bus.delivery.mailbox import Fifo, PerKey, Taken
+from bus.delivery.mailbox import OWNER_BYTES, Fifo, InTurn, PerKey, Taken
 
 KEYS = "abcd"
 # None takes, a key offers the next number under that key.
@@ -109,3 +109,65 @@ def test_a_fifo_keeps_no_more_bytes_than_it_may_but_always_the_newest_item() -> 
     assert box.take() is None
     assert [box.offer("a", b"1234") for _ in range(2)] == [0, 0]
     assert box.take() == Taken("a", b"1234", 3)
+
+
+def by_owner(depth: int = 100, most_bytes: int = 1_000_000) -> InTurn[str, bytes]:
+    """Return a mailbox whose owners are the first letters of keys."""
+    return InTurn(depth, most_bytes, len, lambda key: key[0])
+
+
+def test_owners_are_served_in_turn_and_each_in_order() -> None:
+    box = by_owner()
+    for key, item in (("a1", b"1"), ("a2", b"2"), ("a1", b"3"), ("b1", b"4"), ("c1", b"5"), ("b1", b"6")):
+        assert box.offer(key, item) == 0
+    taken = [box.take() for _ in range(7)]
+    assert [None if each is None else each.item for each in taken] == [b"1", b"4", b"5", b"2", b"6", b"3", None]
+    assert taken[3] == Taken("a2", b"2", 0)
+
+
+def test_who_has_most_loses_its_oldest_items() -> None:
+    box = by_owner(depth=4)
+    many = [b"%d" % number * 1_000 for number in range(9)]
+    assert [box.offer("b", b"b"), *(box.offer("a", each) for each in many)] == [0] * 4 + [1] * 6
+    assert box.offer("c", b"c") == 1
+    assert [each for each in (box.take() for _ in range(5)) if each] == [
+        Taken("b", b"b", 0),
+        Taken("a", many[7], 7),
+        Taken("c", b"c", 0),
+        Taken("a", many[8], 0),
+    ]
+
+
+def test_a_large_item_makes_room_at_its_owner_and_one_alone_is_kept() -> None:
+    box = by_owner(most_bytes=2 * OWNER_BYTES + 2_000)
+    assert box.offer("a", b"x") == 0
+    assert [box.offer("b", bytes(1_500)) for _ in range(3)] == [0, 1, 1]
+    assert [box.take(), box.take(), box.take()] == [Taken("a", b"x", 0), Taken("b", bytes(1_500), 2), None]
+    assert box.offer("a", bytes(9_999)) == 0
+    assert box.take() == Taken("a", bytes(9_999), 0)
+
+
+owned = st.lists(st.one_of(st.none(), st.tuples(st.sampled_from(KEYS), st.integers(0, 5_000))), max_size=60)
+
+
+@given(owned, st.integers(1, 6), st.integers(1, 20_000))
+def test_what_waits_in_turn_is_bounded_and_nothing_is_lost_untold(
+    steps: list[tuple[str, int] | None], depth: int, most_bytes: int
+) -> None:
+    box = by_owner(depth, most_bytes)
+    offered, dropped, taken = 0, 0, 0
+    numbers: dict[str, list[int]] = defaultdict(list)
+    told = 0
+    for number, step in enumerate([*steps, *[None] * len(steps)]):
+        if step is not None:
+            offered += 1
+            dropped += box.offer(step[0], number.to_bytes(2) + bytes(step[1]))
+            assert offered - dropped - taken <= depth
+        elif (found := box.take()) is not None:
+            taken += 1
+            told += found.dropped
+            numbers[found.key].append(int.from_bytes(found.item[:2]))
+    assert box.take() is None
+    assert offered == taken + dropped
+    assert told <= dropped
+    assert all(each == sorted(each) for each in numbers.values())

@@ -27,13 +27,13 @@ def sent(session: zenoh.Session, attachment: bytes | None = None) -> zenoh.Sampl
 
 def test_a_stamp_is_read_as_it_was_written(session: zenoh.Session) -> None:
     sample = sent(session, stamp(2**32 - 1, 2**40))
-    assert stamp_of(sample) == (2**32 - 1, 2**40)
+    assert stamp_of(sample) == (2**32 - 1, 2**40, False)
     assert not is_sent_again(sample)
 
 
 def test_what_an_earlier_release_sent_again_is_told_from_what_is_new(session: zenoh.Session) -> None:
     sample = sent(session, stamp(7, 9)[:-2] + b"\x00\x03")
-    assert stamp_of(sample) == (7, 9)
+    assert stamp_of(sample) == (7, 9, True)
     assert is_sent_again(sample)
 
 
@@ -50,7 +50,7 @@ def test_other_programs_advanced_publishers_have_the_numbers_of_zenoh(session: z
         for _ in range(2):
             publisher.put(b"x")
         samples = [subscriber.recv(), subscriber.recv()]
-    assert [stamp_of(sample) for sample in samples] == [(place_of(publisher.id), number) for number in (0, 1)]
+    assert [stamp_of(sample) for sample in samples] == [(place_of(publisher.id), number, False) for number in (0, 1)]
     publisher.undeclare()
 
 

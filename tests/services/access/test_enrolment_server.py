@@ -1,6 +1,7 @@
 """Requests to `fleetsight pki serve` that other programs than `fleetsight pki enrol` make, and its limits."""
 
 import asyncio
+import contextlib
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -115,13 +116,20 @@ async def test_what_is_no_http_ends_the_connection_alone(served: Serving, tmp_pa
 
 
 @pytest.mark.parametrize("tls", [False, True], ids=["in the handshake", "in a request"])
+@pytest.mark.parametrize("drips", [False, True], ids=["silent", "a byte at a time"])
 async def test_who_is_slow_is_left(
-    served: Serving, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, tls: bool
+    served: Serving, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, tls: bool, drips: bool
 ) -> None:
     monkeypatch.setattr(enrolment_server, "CONNECTION_S", 0.5)
     reader, writer = await (served.connect_tls() if tls else served.connect())
-    writer.write(message(b"{", size=100) if tls else b"\x16")
-    assert await asyncio.wait_for(reader.read(), 60) == b""
+    ended = asyncio.create_task(reader.read())
+    writer.write(message(b"{", size=10_000) if tls else b"\x16\x03\x01\x40\x00")
+    async with asyncio.timeout(60):
+        while not ended.done():
+            await asyncio.wait([ended], timeout=0.02 if drips else None)
+            writer.write(b"\x01")
+    with contextlib.suppress(ConnectionError):
+        assert await ended == b""
     writer.close()
     monkeypatch.undo()
     await served.enrol(served.invite("r4"), tmp_path / "tls")

@@ -166,7 +166,7 @@ async def test_small_messages_that_wait_go_at_once_when_all_who_listen_are_here(
 async def test_what_is_larger_than_receivers_read_is_left_out_and_counted(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, uplink_mbit: float | None
 ) -> None:
-    monkeypatch.setattr(output_module, "LARGEST", 2_000)
+    monkeypatch.setattr(output_module, "MAX_PAYLOAD_BYTES", 2_000)
     shaping = await rig.shaping(compression="raw", uplink_mbit=uplink_mbit)
     for key, large, small in (
         (COLOR, numbered(0, size=30), numbered(1, size=10)),
