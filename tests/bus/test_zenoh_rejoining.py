@@ -15,8 +15,8 @@ from bus.presence.listed_tokens import ListedTokens, ZenohWatch
 from bus.session.config import session_config
 from tests.bus.sessions import LEASE_S, ROUTER, Numbering, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
 from tests.integration.network.severed import Severable, severable
+from tests.waiting import next_of, until
 
 KEY: Final = "fleet/r1/front/classes"
 KEPT: Final = 3

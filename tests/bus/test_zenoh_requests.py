@@ -24,7 +24,7 @@ from bus import (
 from bus.zenoh_bus import ZenohBus
 from tests.bus.sessions import LEASE_S, ROUTER, bus_threads, client, never, router, running
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import PATIENCE_S, until
+from tests.waiting import PATIENCE_S, until
 
 SERVER: Final = """
 import asyncio, sys

@@ -13,9 +13,9 @@ from services.monitor.history.settings import HistorySettings
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Debounce
 from services.monitor.map.last_seen import SightingMap
-from tests.contract.waiting import until
 from tests.services.monitor.history.test_store import every, opened
 from tests.services.monitor.inventory.seeing import seen
+from tests.waiting import until
 
 LIMITS = TrustLimits(Debounce(1, 0, 1, 0))
 
