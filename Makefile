@@ -29,7 +29,7 @@ types:
 
 tests:
 	@echo "[check] tests"
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile || { [ $$? = 1 ] && $(MAKE) --no-print-directory again; }
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder || { [ $$? = 1 ] && $(MAKE) --no-print-directory again; }
 
 again:
 	@echo "[check] tests that failed beside others, alone: those that pass now depend on the machine's load, and want mending"

@@ -16,6 +16,9 @@ settings.load_profile("fleetsight")
 
 STALL_S = 3.0
 
+LONGEST_FIRST = ("deploy", "integration", "benchmarks", "services")
+"""Folders whose files take long begin before the others, so that no process is left alone with one at the end."""
+
 
 def is_news(record: logging.LogRecord) -> bool:
     """Whether it is not asyncio's word of a callback that took long: on a busy machine any does, but not this long."""
@@ -40,6 +43,17 @@ def model_folder() -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="fleetsight-tests-", ignore_cleanup_errors=True) as folder:
         os.environ["FLEETSIGHT_CACHE"] = str(Path(folder) / "cache")
         yield Path(folder)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Bring the folders that take longest to the front; files and tests keep their order."""
+    items.sort(key=lambda item: rank(item.path))
+
+
+def rank(path: Path) -> int:
+    """Return the place of a test file's folder among LONGEST_FIRST, which come before all others."""
+    folder = path.relative_to(Path(__file__).parent).parts[0]
+    return LONGEST_FIRST.index(folder) if folder in LONGEST_FIRST else len(LONGEST_FIRST)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from bus import BusSettings, Publisher, Reply, Request
-from tests.contract.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S
 
 ROOT: Final = Path(__file__).parents[2]
 LEASE_S: Final = 1.0

@@ -13,8 +13,8 @@ from bus import QUEUE, Bus, BusError, BusSettings, Presence, QoS, Subscription, 
 from bus.session import config, listening_client
 from tests.bus.sessions import LEASE_S, ROUTER, Numbering, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
 from tests.integration.network.severed import Severable, severable
+from tests.waiting import next_of, until
 
 KEY: Final = "fleet/r1/front/classes"
 TOKENS: Final = 20

@@ -11,7 +11,7 @@ from bus import QUEUE, BusSettings, open_bus
 from bus.session.link_use import OTHER_FILES
 from tests.bus.sessions import ROOT, client, running
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import until
+from tests.waiting import until
 
 SESSIONS: Final = 1_500
 PROCESSES: Final = 3

@@ -12,7 +12,7 @@ from bus.session import session
 from tests.bus.certificates import certificate, make_certificates
 from tests.bus.sessions import LEASE_S
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
+from tests.waiting import next_of, until
 
 KEY = "fleet/r1/text/hello"
 CHANGED = "opening a new session: certificates or access rules have changed"

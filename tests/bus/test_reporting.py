@@ -10,7 +10,7 @@ from bus.fake import FakeNetwork
 from bus.reporting import report
 from schemas import worker_keys
 from schemas.status import CameraLoad, WorkerStatus
-from tests.contract.waiting import receive
+from tests.waiting import receive
 
 KEY = worker_keys.worker_status("distance", "w")
 TOO_MUCH = CameraLoad(robot="r1", camera="front", inferred=2**64)

@@ -12,7 +12,7 @@ from bus import QUEUE, QoS, open_bus
 from bus.history.caches import ASKED_AT_ONCE
 from tests.bus.sessions import client, router
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
+from tests.waiting import next_of, until
 
 CACHES: Final = 1_000
 

@@ -10,7 +10,7 @@ from bus import QUEUE, BusSettings, QoS, open_bus
 from tests.bus.certificates import certificate, make_certificates
 from tests.bus.sessions import LEASE_S
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
+from tests.waiting import next_of, until
 
 
 def with_certificate(folder: Path, host: str, **settings: object) -> BusSettings:

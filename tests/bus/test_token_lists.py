@@ -10,7 +10,7 @@ from bus import QUEUE, BusSettings, Presence, QoS, Watch, open_bus
 from bus.presence.token_lists import MOST_CHARACTERS, can_list, list_keys, listed_keys, lists_of
 from tests.bus.sessions import client, router
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
+from tests.waiting import next_of, until
 
 PREFIX = "fleet/r1"
 KEYS = ["fleet/r1/alive", "fleet/r1/front/color/alive", "fleet/r1/status/@adv/pub/abc/7/_"]

@@ -12,7 +12,7 @@ from bus.delivery import batching
 from bus.session import session
 from tests.bus.sessions import LEASE_S, ROUTER, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import PATIENCE_S, next_of, until
+from tests.waiting import PATIENCE_S, next_of, until
 
 KEY: Final = "fleet/r1/front/classes"
 IMAGE_KEY: Final = "fleet/r1/front/color"

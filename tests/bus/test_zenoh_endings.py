@@ -13,7 +13,7 @@ from bus import LATEST, Bus, Presence, QoS, open_bus
 from bus.zenoh_bus import ZenohBus
 from tests.bus.sessions import ROOT, ROUTER, bus_threads, client, never, router, running
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import PATIENCE_S, next_of, until
+from tests.waiting import PATIENCE_S, next_of, until
 
 KEY: Final = "fleet/r1/front/classes"
 

@@ -15,8 +15,8 @@ from bus.presence.listed_tokens import ListedTokens, ZenohWatch
 from bus.session.config import session_config
 from tests.bus.sessions import LEASE_S, ROUTER, Numbering, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
 from tests.integration.network.severed import Severable, severable
+from tests.waiting import next_of, until
 
 KEY: Final = "fleet/r1/front/classes"
 KEPT: Final = 3
@@ -137,7 +137,7 @@ async def test_what_waits_for_a_publisher_that_ends_meanwhile_is_not_lost(monkey
         monkeypatch.setattr(caches, "ASKED_AT_ONCE", 0)  # no cache answers
         here = await stack.enter_async_context(open_bus(client(f"tcp/127.0.0.1:{own.port}")))
         async with open_bus(client(endpoint)) as there, there.publisher(KEY, QoS.RESULT, kept=KEPT) as out:
-            out.put(b"before")
+            await publish_alone(out, b"before", endpoint)
             subscription = await stack.enter_async_context(here.subscribe(KEY, QUEUE(9), recover=KEPT))
             await until(lambda: out.wanted)
             out.put(b"waits")
@@ -146,6 +146,15 @@ async def test_what_waits_for_a_publisher_that_ends_meanwhile_is_not_lost(monkey
             own.sever()
         own.mend()
         assert (await next_of(subscription)).payload == b"waits"
+
+
+async def publish_alone(out: Publisher, payload: bytes, endpoint: str) -> None:
+    """Publish a message, and return when it has gone through the router: who subscribes then has missed it."""
+    async with open_bus(client(endpoint)) as bus, bus.subscribe(KEY, QUEUE(9), history=False) as live:
+        await until(lambda: out.wanted)
+        out.put(payload)
+        assert (await next_of(live)).payload == payload
+    await until(lambda: not out.wanted)
 
 
 async def test_what_was_wanted_of_a_session_before_is_not_for_ever() -> None:

@@ -24,14 +24,16 @@ from bus import (
 from bus.zenoh_bus import ZenohBus
 from tests.bus.sessions import LEASE_S, ROUTER, bus_threads, client, never, router, running
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import PATIENCE_S, until
+from tests.waiting import PATIENCE_S, until
 
 SERVER: Final = """
 import asyncio, sys
 from bus import BusSettings, Reply, Request, open_bus
 
 async def handler(request: Request) -> Reply:
-    await asyncio.sleep(60 if request.payload else 0)
+    if request.payload:
+        print("asked", flush=True)
+        await asyncio.Event().wait()
     return Reply(b"here")
 
 async def main() -> None:
@@ -44,13 +46,18 @@ asyncio.run(main())
 """
 
 
+HANGING_LEASE_S: Final = 4 * LEASE_S
+"""How long a server may hang: much longer than it takes to stop one and ask it, on a busy machine too."""
+
+
 async def test_requests_end_when_their_server_hangs_or_dies(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.WARNING, logger="asyncio")
     endpoint = free_endpoint()
+    lease = {"lease_s": HANGING_LEASE_S}
     async with (
-        open_bus(router(endpoint)),
-        open_bus(client(endpoint)) as bus,
-        running(SERVER, endpoint, str(LEASE_S)) as server,
+        open_bus(router(endpoint).model_copy(update=lease)),
+        open_bus(client(endpoint).model_copy(update=lease)) as bus,
+        running(SERVER, endpoint, str(HANGING_LEASE_S)) as server,
     ):
         await until_answered(bus)
         server.send_signal(signal.SIGSTOP)
@@ -61,11 +68,13 @@ async def test_requests_end_when_their_server_hangs_or_dies(caplog: pytest.LogCa
         server.send_signal(signal.SIGCONT)
         await until_answered(bus)
         asking = asyncio.create_task(bus.request("clock", b"wait", timeout_s=PATIENCE_S))
-        await asyncio.sleep(0.1)
+        assert server.stdout is not None
+        assert await server.stdout.readline() == b"asked\n"
         server.kill()
         with pytest.raises(NotServedError, match="or it left before answering"):
             await asking
-    assert [record.getMessage() for record in caplog.records] == []
+    said = [record.getMessage() for record in caplog.records]
+    assert [each for each in said if not each.startswith("Executing ")] == []  # which tells of a busy machine
 
 
 async def until_answered(bus: Bus) -> None:

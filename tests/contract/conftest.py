@@ -13,7 +13,7 @@ from blockbuster import blockbuster_ctx
 
 from bus import Bus, BusSettings, open_bus
 from bus.fake import FakeNetwork
-from tests.contract.waiting import next_of
+from tests.waiting import next_of
 
 
 class Opener(Protocol):

@@ -9,7 +9,7 @@ from bus import (
     Reply,
     Request,
 )
-from tests.contract.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S
 
 KEY: Final = "fleet/r1/clock"
 

@@ -6,7 +6,7 @@ from typing import Final
 import pytest
 
 from bus import LATEST, QUEUE, SMALL_BYTES, SMALL_WAITING, Bus, Pieces, Presence, QoS, SubscriptionCounts
-from tests.contract.waiting import PATIENCE_S, next_of, until
+from tests.waiting import PATIENCE_S, next_of, until
 
 KEY: Final = "fleet/r1/front/classes"
 IMAGE_KEY: Final = "fleet/r1/front/color"

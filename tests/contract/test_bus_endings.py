@@ -9,7 +9,7 @@ import pytest
 
 from bus import LATEST, QUEUE, Bus, BusClosedError, BusError, Presence, QoS, Queue
 from tests.contract.conftest import Opener
-from tests.contract.waiting import next_of, until
+from tests.waiting import next_of, until
 
 KEY: Final = "fleet/r1/front/classes"
 

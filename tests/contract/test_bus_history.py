@@ -6,7 +6,7 @@ from typing import Final
 import pytest
 
 from bus import QUEUE, Bus, QoS, SubscriptionCounts
-from tests.contract.waiting import next_of, until
+from tests.waiting import next_of, until
 
 KEY: Final = "fleet/r1/front/classes"
 IMAGE_KEY: Final = "fleet/r1/front/color"

@@ -10,7 +10,7 @@ from bus import (
     RequestTimeoutError,
 )
 from tests.contract.requesting import KEY, Hanging, ask, until_served
-from tests.contract.waiting import PATIENCE_S, until
+from tests.waiting import PATIENCE_S, until
 
 
 async def test_a_server_that_hangs_holds_nobody_longer_than_asked(buses: tuple[Bus, Bus]) -> None:

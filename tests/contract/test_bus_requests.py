@@ -20,7 +20,7 @@ from bus import (
 from bus.requests.serving import INTERNAL
 from tests.contract.conftest import Opener
 from tests.contract.requesting import KEY, Hanging, ask, until_served
-from tests.contract.waiting import PATIENCE_S, until
+from tests.waiting import PATIENCE_S, until
 
 
 async def echo(request: Request) -> Reply:

@@ -10,7 +10,7 @@ from bus.sharing.camera_assignment import owner
 from schemas import worker_keys
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import Serves, WorkerAlive
-from tests.contract.waiting import next_of, until
+from tests.waiting import next_of, until
 
 CAMERAS = [CameraKey("r1", f"c{number}") for number in range(8)]
 A, B = (WorkerAlive("detector", name) for name in "ab")

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -40,10 +41,11 @@ COMPOSE: Final = (sys.executable, "-m", "podman_compose")
 
 
 class Podman:
-    """Runs podman and podman-compose."""
+    """Runs podman and podman-compose, with a store in a folder that it makes."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self) -> None:
+        # Of a long name, as pytest's folders have, conmon cannot make its sockets: each container takes 20 s more.
+        self._folder = folder = Path(tempfile.mkdtemp(prefix="podman-"))
         (folder / "containers.conf").write_text(CONFIGURATION.format(folder=folder), encoding="utf-8")
         storage = f'[storage]\ndriver = "overlay"\ngraphroot = "{folder}/store"\nrunroot = "{folder}/run"\n'
         (folder / "storage.conf").write_text(storage, encoding="utf-8")
@@ -90,12 +92,18 @@ class Podman:
             self._take_away(file, network)
 
     def _take_away(self, manifests: Path, network: str) -> None:
-        """Remove pods and their network; a container that is started again meanwhile keeps them there for a moment."""
+        """Remove pods, all other containers in their network, those that depend on these, and the network itself.
+
+        A container that is started again meanwhile keeps its pod there for a moment.
+        """
         self.run("play", "kube", "--down", manifests)
         for left in reversed(range(TRIES)):
             try:
                 self.run("pod", "rm", "--force", "--all", "--time=1")
-                self.run("network", "rm", "--force", "--time=1", network)
+                beside = self.run("ps", "--all", "--quiet", f"--filter=network={network}").split()
+                if beside:
+                    self.run("rm", "--force", "--depend", "--time=10", *beside)
+                self.run("network", "rm", network)
                 break
             except AssertionError:
                 if not left:

@@ -41,7 +41,7 @@ def podman(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Podman]:
     require_containers()
     folder = tmp_path_factory.mktemp("podman")
     wheels = make_wheels(folder / "wheels", ",".join(filter(None, EXTRAS.values())))
-    found = Podman(folder)
+    found = Podman()
     try:
         found.run("import", "--quiet", make_root(folder / "root.tar"), PYTHON)
         for target in (*EXTRAS, *PEERS):
@@ -139,13 +139,12 @@ def cluster(podman: Podman) -> Iterator[tuple[Podman, list[Mapping[str, Any]]]]:
     """The chart's pods but the detector's, and beside them a simulated robot with its gateway."""
     objects = render({"detector": {"enabled": False}, "image": {"tag": "latest"}, "monitor": {"openMetrics": True}})
     with podman.playing(playable(objects), "cluster"):
-        confined = ["--detach", "--rm", "--pull=never", "--read-only", "--cap-drop=all"]
+        confined = ["--detach", "--pull=never", "--read-only", "--cap-drop=all"]
         robot = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11311"]
         podman.run("run", *confined, "--name=robot", "--network=cluster", *robot)
         gateway = ["localhost/fleetsight-gateway", "gateway", "--robot=r1", f"--connect=tcp/{NAME}-monitor:7447"]
         podman.run("run", *confined, "--name=gateway", "--network=container:robot", *gateway)
         yield podman, [each["spec"]["template"]["spec"] for each in objects if "template" in each.get("spec", {})]
-        podman.run("stop", "--time=10", "gateway", "robot")
 
 
 def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(

@@ -1,18 +1,28 @@
-"""The units, started by systemd in a system made of Debian's packages, installed as their comments say."""
+"""The units, started by systemd in a system made of Debian's packages, installed as their comments say.
+
+The one machine is a robot, the centre and the authority where machines enrol, since making and booting it takes long.
+"""
 
 import json
+import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.deploy import units
 from tests.deploy.machine import Machine, booted, make_root, make_wheels, require_containers, set_up
-from tests.deploy.units import DEPLOY
 
 SERVICES = ("gateway", "monitor", "worldmodel", "space@distance", "space@cloud")
 SETTINGS = ("gateway", "monitor", "worldmodel", "space")
-pytestmark = pytest.mark.timeout(300)
+pytestmark = pytest.mark.timeout(1200)  # a system is made first
+
+EXTRAS = "monitor,distance,cloud,worldmodel,pki"
+PROGRAM = "/opt/fleetsight/bin/fleetsight"
+TLS = "/etc/fleetsight/tls"
+A_MINUTE = "0.0007"
+"""Days for which the certificate is good: its last third comes while the test waits."""
 
 WATCHDOG_S = 3
 CENTRAL = "tcp/127.0.0.1:7457"
@@ -21,20 +31,32 @@ CENTRAL = "tcp/127.0.0.1:7457"
 ASK = "import sys, urllib.request as web; print(web.urlopen(sys.argv[1], timeout=5).read().decode())"
 
 
-def told() -> str:
-    """Return the commands that the gateway's unit tells, with the extras of all that is started here."""
-    lines = (DEPLOY / "fleetsight-gateway.service").read_text(encoding="utf-8").splitlines()
-    commands = [line.removeprefix("#   ") for line in lines if line.startswith("#   ")]
-    offline = [line for line in commands if not line.startswith(("apt-get", "systemctl"))]
-    assert any(line.endswith(" .") for line in offline)
+def told(name: str) -> list[str]:
+    """Return the commands that a unit's comment tells, but for those that need a network or a running systemd."""
+    commands = [line.removeprefix("#   ") for line in units.unit(name) if line.startswith("#   ")]
+    return [line for line in commands if not line.startswith(("apt-get", "systemctl"))]
+
+
+def script() -> str:
+    """Return what sets the machine up, with the extras of all that is started there."""
+    commands = [*told("gateway"), *told("enrolment"), *told("renew")]
+    assert any(line.endswith(" .") for line in commands)
+    files = [f"deploy/fleetsight-{name}.service" for name in ("gateway", "monitor", "worldmodel", "space@")]
+    enabled = " ".join(shlex.quote(f"fleetsight-{name}") for name in (*SERVICES, "enrolment"))
+    lines = [f"{line[:-1]}'.[{EXTRAS}]'" if line.endswith(" .") else line for line in commands]
     return "\n".join(
-        f"{line[:-1]}'.[monitor,distance,cloud,worldmodel]'" if line.endswith(" .") else line for line in offline
+        (
+            *(line.replace(" fleet.yaml ", " /root/fleet.yaml ") for line in lines),
+            f"install -d -o fleetsight -g fleetsight -m 700 {TLS}",
+            f"install -m 644 {' '.join(files)} /etc/systemd/system/",
+            f"systemctl enable {enabled}",
+        )
     )
 
 
 def settings(name: str) -> str:
     """Return the settings of an example for a machine that has everything."""
-    text = (DEPLOY / f"{name}.yaml").read_text(encoding="utf-8")
+    text = (units.DEPLOY / f"{name}.yaml").read_text(encoding="utf-8")
     if name == "space":
         return text
     first, *others = text.splitlines(keepends=True)
@@ -50,17 +72,14 @@ def settings(name: str) -> str:
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
     require_containers()
     folder = tmp_path_factory.mktemp("machine")
-    wheels = make_wheels(folder / "wheels", "monitor,distance,cloud,worldmodel")
+    wheels = make_wheels(folder / "wheels", EXTRAS)
     tree = make_root(folder / "tree", "systemd-sysv", "dbus")
-    units = [f"deploy/fleetsight-{name}.service" for name in ("gateway", "monitor", "worldmodel", "space@")]
-    enabled = " ".join(shlex.quote(f"fleetsight-{name}") for name in SERVICES)
-    set_up(
-        tree,
-        wheels,
-        f"{told()}\ninstall -m 644 {' '.join(units)} /etc/systemd/system/\nsystemctl enable {enabled}",
-    )
+    (tree / "root/fleet.yaml").write_text("robots: [r1]\n", encoding="utf-8")
+    set_up(tree, wheels, script())
     for name in SETTINGS:
         (tree / f"etc/fleetsight/{name}.yaml").write_text(settings(name), encoding="utf-8")
+    enrolment = (units.DEPLOY / "enrolment.yaml").read_text(encoding="utf-8").replace("central", "127.0.0.1")
+    (tree / "etc/fleetsight/enrolment.yaml").write_text(enrolment, encoding="utf-8")
     shorter = tree / "etc/systemd/system/fleetsight-gateway.service.d"
     shorter.mkdir()
     (shorter / "watchdog.conf").write_text(f"[Service]\nWatchdogSec={WATCHDOG_S}\n", encoding="utf-8")
@@ -117,3 +136,40 @@ def test_it_is_stopped_in_order(machine: Machine, name: str) -> None:
     machine.run("systemctl", "stop", unit)
     assert (machine.show(unit, "ActiveState"), machine.show(unit, "Result")) == ("inactive", "success")
     assert machine.show(unit, "ExecMainStatus") == "0"
+
+
+def test_a_machine_enrols_and_renews_by_the_units(machine: Machine) -> None:
+    machine.until(lambda: "machines may enrol at" in machine.log("fleetsight-enrolment"), "the authority serves")
+    invite = f"{PROGRAM} pki invite r1 --at 127.0.0.1:7448 --fleet fleet.yaml --days {A_MINUTE}"
+    as_authority = f"cd /var/lib/fleetsight-pki && runuser -u fleetsight-pki -- {invite}"
+    said = machine.run("/bin/sh", "-c", as_authority)
+    printed = re.search(r"^fleetsight (pki enrol .*)$", said, re.MULTILINE)
+    assert printed is not None
+    machine.run("runuser", "-u", "fleetsight", "--", PROGRAM, *shlex.split(printed[1]), "--into", TLS)
+    assert machine.run("stat", "--format=%U %a", f"{TLS}/r1.key").split() == ["fleetsight", "600"]
+    assert "r1 enrolled from 127.0.0.1" in machine.log("fleetsight-enrolment")
+
+    def renews() -> bool:
+        machine.run("systemctl", "start", "fleetsight-renew")
+        return "/etc/fleetsight/tls/r1.pem: renewed, until" in machine.log("fleetsight-renew")
+
+    before = machine.run("cat", f"{TLS}/r1.pem")
+    machine.until(renews, "the certificate is renewed")
+    assert machine.run("cat", f"{TLS}/r1.pem") != before
+    assert machine.run("stat", "--format=%U %a", f"{TLS}/r1.key").split() == ["fleetsight", "600"]
+
+
+def test_the_timer_is_waited_for(machine: Machine) -> None:
+    machine.run("systemctl", "enable", "--now", "fleetsight-renew.timer")
+    assert machine.show("fleetsight-renew.timer", "ActiveState") == "active"
+    assert machine.show("fleetsight-renew.timer", "NextElapseUSecRealtime")
+
+
+def test_the_authority_is_stopped_in_order(machine: Machine) -> None:
+    name = "fleetsight-enrolment"
+    status = f"/proc/{machine.show(name, 'MainPID')}/status"
+    fields = dict(line.split(":\t", 1) for line in machine.run("cat", status).splitlines() if ":\t" in line)
+    assert fields["Uid"].split()[0] == machine.run("id", "--user", "fleetsight-pki").strip() != "0"
+    machine.run("systemctl", "stop", name)
+    assert (machine.show(name, "ActiveState"), machine.show(name, "Result")) == ("inactive", "success")
+    assert machine.show(name, "ExecMainStatus") == "0"

@@ -22,9 +22,9 @@ from schemas.keys import Stream
 from schemas.worker_keys import WorkerAlive
 from services.detector.requests import answering
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import PATIENCE_S, next_of, until
 from tests.fleetsight.stand_in import FRONT, stand_in
 from tests.services.detector.support.fakes import FakeModel
+from tests.waiting import PATIENCE_S, next_of, until
 
 ROOT: Final = Path(__file__).parents[2]
 EXAMPLES: Final = ROOT / "examples"

@@ -21,8 +21,8 @@ from schemas.objects import ObjectCloud, ObjectClouds, Shape, UprightBox
 from schemas.worker_keys import WorkerAlive, WorldStream, world_key
 from schemas.world import WorldAnswer, WorldObject, WorldRequest
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import PATIENCE_S
 from tests.schemas.frames import header, image
+from tests.waiting import PATIENCE_S
 
 FRONT: Final = CameraKey("r1", "front")
 PERIOD_S: Final = 0.05

@@ -11,8 +11,8 @@ from typing import Final
 import pytest
 
 import fleetsight
-from tests.contract.waiting import PATIENCE_S, next_of
 from tests.fleetsight.stand_in import stand_in
+from tests.waiting import PATIENCE_S, next_of
 
 ROOT: Final = Path(__file__).parents[2]
 CENTRAL: Final = "tcp/central:7447"

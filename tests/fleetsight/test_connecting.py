@@ -12,8 +12,8 @@ from bus import BusSettings, open_bus
 from tests.bus.certificates import certificate, make_certificates
 from tests.bus.sessions import bus_threads
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import until
 from tests.fleetsight.stand_in import stand_in
+from tests.waiting import until
 
 
 async def test_the_environment_says_where_the_fleet_is(monkeypatch: pytest.MonkeyPatch) -> None:

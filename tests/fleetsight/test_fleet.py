@@ -10,8 +10,8 @@ from bus import MAX_REQUEST_BYTES, RefusedError, Reply, Request
 from fleetsight import Fleet
 from schemas import keys, worker_keys
 from schemas.worker_keys import WorkerAlive
-from tests.contract.waiting import until
 from tests.fleetsight.stand_in import FOUND, NO_IMAGE, SIGHTING, StandIn, stand_in
+from tests.waiting import until
 
 
 async def test_a_worker_says_what_is_in_an_image(fleet: Fleet) -> None:

@@ -14,8 +14,8 @@ from schemas import codec, worker_keys
 from schemas.detections import ClassList
 from schemas.keys import Stream
 from schemas.status import WorkerStatus
-from tests.contract.waiting import PATIENCE_S, next_of, receive, until
 from tests.fleetsight.stand_in import FRONT, StandIn, stand_in
+from tests.waiting import PATIENCE_S, next_of, receive, until
 
 CRATE = Detection(name="crate", score=0.9, box=Box(0, 0, 2, 2))
 POST = Detection(name="post", score=0.4, box=Box(2, 0, 3, 4))

@@ -9,9 +9,9 @@ import pytest
 import fleetsight
 from fleetsight import Box, Mask
 from schemas.detections import Detections, class_list
-from tests.contract.waiting import PATIENCE_S, next_of
 from tests.fleetsight.stand_in import FOUND, stand_in
 from tests.fleetsight.test_own_model import CRATE, two
+from tests.waiting import PATIENCE_S, next_of
 
 
 async def test_results_of_ones_own_are_published_while_they_are_wanted() -> None:

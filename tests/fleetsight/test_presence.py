@@ -12,8 +12,8 @@ from schemas import keys
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import WorkerAlive
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import PATIENCE_S, next_of, until
 from tests.fleetsight.stand_in import FRONT, StandIn
+from tests.waiting import PATIENCE_S, next_of, until
 
 
 async def test_who_is_there_already_comes_first_and_then_who_comes_and_goes(there: StandIn, fleet: Fleet) -> None:

@@ -14,9 +14,9 @@ from schemas import codec
 from schemas.detections import ClassCount, ClassList, class_list
 from schemas.keys import CameraKey, Stream
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
 from tests.fleetsight.stand_in import ALERT, CLOUDS, FAR, FOUND, FRONT, StandIn
 from tests.schemas.frames import header
+from tests.waiting import next_of, until
 
 
 def seen(count: int, robot: str = "r1", camera: str = "front") -> bytes:

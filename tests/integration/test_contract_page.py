@@ -18,8 +18,8 @@ from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import TrustLimits
 from services.monitor.requests import answer_inventory
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import PATIENCE_S, until
 from tests.schemas.frames import header
+from tests.waiting import PATIENCE_S, until
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "contract.md"
 CENTRAL: Final = "tcp/central:7447"

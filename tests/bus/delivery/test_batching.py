@@ -9,7 +9,7 @@ import pytest
 import zenoh
 
 from bus.delivery.batching import AT_ONCE, BYTES_AT_ONCE, LONGEST_S, SHORTEST_S, TOGETHER, Gathering, next_wait_s
-from tests.contract.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S
 
 
 class Channel:

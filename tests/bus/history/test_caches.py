@@ -12,7 +12,7 @@ from zenoh.handlers import Callback
 from bus.history import caches
 from bus.history.caches import ASKED_AT_ONCE, SLOW_S, Caches
 from bus.history.key_state import Fetch
-from tests.contract.waiting import until
+from tests.waiting import until
 
 RECOVER = 3
 MORE = 4

@@ -17,7 +17,7 @@ from bus.presence.own_tokens import OwnTokens
 from bus.zenoh_bus import ZenohBus
 from tests.bus.sessions import client, router
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
+from tests.waiting import next_of, until
 
 KEY = "fleet/r1/front/classes"
 PREFIX = "fleet/r1"

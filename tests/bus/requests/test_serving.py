@@ -4,7 +4,7 @@ import asyncio
 
 from bus import Reply, Request
 from bus.requests.serving import INTERNAL, Call, Server
-from tests.contract.waiting import until
+from tests.waiting import until
 
 Outcome = Reply | str | None
 

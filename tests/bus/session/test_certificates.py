@@ -9,7 +9,7 @@ from bus.session.certificates import check_certificates
 from tests.bus.certificates import certificate, make_certificates
 from tests.bus.sessions import bus_threads
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import until
+from tests.waiting import until
 
 NO_CERTIFICATE = "no PEM certificate can be read from it"
 NO_KEY = "no PEM private key can be read from it"

@@ -12,7 +12,7 @@ from bus.session import session as session_module
 from bus.session.known_keys import AT_ONCE, MOST_KNOWN, KnownKeys
 from tests.bus.sessions import client, router
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
+from tests.waiting import next_of, until
 
 NUMBERS: Final = 1 << 16
 LEFT: Final = 60

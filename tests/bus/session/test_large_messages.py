@@ -17,7 +17,7 @@ from schemas.image import ImageFrame
 from schemas.points import PointCloud
 from tests.bus.sessions import LEASE_S, ROUTER, client, router, running
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import PATIENCE_S, until
+from tests.waiting import PATIENCE_S, until
 
 MIB: Final = 1 << 20
 FOUR_K: Final = 3840 * 2160 * 4

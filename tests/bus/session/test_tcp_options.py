@@ -9,7 +9,7 @@ from bus.session import tcp_options
 from bus.session.tcp_options import LINGER_S, UNSENT_BYTES, tune
 from tests.bus.sessions import client, router
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import until
+from tests.waiting import until
 
 
 def linger(connection: socket.socket) -> tuple[int, int]:

@@ -5,7 +5,7 @@ import pytest
 
 from bus.session import links
 from bus.session.links import why_unreached
-from tests.contract.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S
 
 PLAIN = "no Zenoh router answers there"
 WITH_CERTIFICATES = "nothing answers there, or the certificates do not fit"

@@ -12,7 +12,7 @@ from bus.sharing.rate_request import RateRequest
 from schemas import codec, consumer_keys
 from schemas.budget import LEAST_HZ, MOST_WAIT_S, RateBudget
 from schemas.keys import CameraKey, Stream, StreamKey
-from tests.contract.waiting import next_of
+from tests.waiting import next_of
 
 FRONT = CameraKey("r1", "front")
 

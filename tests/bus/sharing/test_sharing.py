@@ -13,7 +13,7 @@ from bus.sharing.sharing import say_unwanted
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import Serves
 from tests.contract.test_sharing import CAMERAS, A, B, Worker, cameras
-from tests.contract.waiting import until
+from tests.waiting import until
 
 
 async def test_no_more_cameras_than_it_may(caplog: pytest.LogCaptureFixture) -> None:

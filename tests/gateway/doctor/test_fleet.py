@@ -14,9 +14,9 @@ from schemas import codec, keys
 from schemas.status import GatewayStatus
 from tests.bus.certificates import certificate, make_certificates
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of
 from tests.gateway.doctor.seeing import status
 from tests.integration.peers.ros import free_port
+from tests.waiting import next_of
 
 SECONDS = 0.3
 

@@ -22,9 +22,9 @@ from schemas.keys import CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
 from schemas.status import UNWANTED
 from schemas.transforms import Transforms
 from services.simulator.ros_master.master import RosMaster
-from tests.contract.waiting import PATIENCE_S, until
 from tests.gateway.sensing import compressed, tf, transform
 from tests.schemas.pictures import file_of
+from tests.waiting import PATIENCE_S, until
 
 FRONT = CameraKey("r1", "front")
 COLOR = StreamKey(FRONT, Stream.COLOR)

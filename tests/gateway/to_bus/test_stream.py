@@ -168,7 +168,7 @@ def test_messages_without_a_stamp_are_thinned_by_their_arrival() -> None:
     assert [made is not None for made in taken] == [True, False] * 3
 
 
-def test_what_the_outlet_lost_was_not_forwarded(forward: StreamForward) -> None:
+def test_what_the_output_lost_was_not_forwarded(forward: StreamForward) -> None:
     def status_at(now_s: int) -> StreamStatus:
         forward.take(message(), 0)
         return forward.status(

@@ -22,12 +22,12 @@ from services.monitor.process import running
 from services.monitor.settings import MonitorSettings
 from services.monitor.warehouses import reporting
 from services.monitor.warehouses.reports import FRESH_NS
-from tests.contract.waiting import until
 from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.monitor.watching import always_seeing
 from tests.integration.page.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.services.test_worldmodel import SITE, THINGS, Robots, start
 from tests.services.monitor.web.serving import Served, served
+from tests.waiting import until
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
 

@@ -3,7 +3,7 @@
 import asyncio
 import math
 import time
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 
@@ -210,10 +210,3 @@ async def _live(robot: Robot) -> None:
         for status in robot.workers():
             robot.publishers[worker_keys.worker_status(status.service, status.worker)].put(codec.encode(status))
         await asyncio.sleep(PERIOD_S)
-
-
-async def until(condition: Callable[[], object], patience_s: float = 30) -> None:
-    """Wait until it is so."""
-    async with asyncio.timeout(patience_s):
-        while not condition():  # noqa: ASYNC110 - nobody tells
-            await asyncio.sleep(0.02)

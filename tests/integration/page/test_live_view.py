@@ -8,13 +8,13 @@ from playwright.async_api import expect
 
 from bus import QoS
 from schemas.keys import Stream
-from tests.contract.waiting import until
 from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.monitor.test_web import PASSWORD, said
 from tests.integration.page.browser import PATIENCE_MS, open_browser
 from tests.integration.peers.ros import RosEnvironment
 from tests.integration.to_bus.test_first_light import CAMERAS, FRONT, camera, raw
 from tests.services.detector.support.views import NEAR_VIEWS, near_view
+from tests.waiting import until
 
 expect.set_options(timeout=PATIENCE_MS)
 

@@ -10,11 +10,11 @@ from playwright.async_api import Browser, expect
 from bus.fake import FakeNetwork
 from services.monitor.web.auth.users import Visitor
 from services.monitor.web.pages import wall
-from tests.contract.waiting import until
 from tests.integration.page.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.page.in_sight import out_of_sight
 from tests.integration.page.warehouse import Robot, warehouse
 from tests.services.monitor.web.serving import monitor_on, served
+from tests.waiting import until
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
 

@@ -23,13 +23,13 @@ from services.monitor.monitor import Monitor
 from services.monitor.process import running
 from services.monitor.settings import MonitorSettings
 from services.toolbox.demo.children import Child
-from tests.contract.waiting import until
 from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.page.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.page.sights import robot_on
 from tests.integration.services.test_worldmodel import SITE, THINGS, Robots, start
 from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.serving import Served, served
+from tests.waiting import until
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
 

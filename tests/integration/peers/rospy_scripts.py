@@ -146,6 +146,26 @@ while not rospy.is_shutdown():
         break
 """
 
+ECHOED_CAMERA = """
+import sys, threading, rospy
+from sensor_msgs.msg import Image
+name, topic, echo = sys.argv[1:]
+rospy.init_node(name)
+message = Image(height=6, width=8, encoding="mono8", step=8, data=bytes(48))
+echoed = threading.Event()
+subscriber = rospy.Subscriber(echo, Image, lambda _: echoed.set())
+publisher = rospy.Publisher(topic, Image, queue_size=10)
+print("camera up", flush=True)
+while not rospy.is_shutdown():
+    echoed.clear()
+    for _ in range(2):
+        message.header.stamp = rospy.Time.now()
+        publisher.publish(message)
+    echoed.wait(1)
+    rospy.sleep(0.05)
+"""
+"""Publishes two at a time, the next when one came back: no queue on the way overflows, however busy the machine."""
+
 BURSTS = """
 import sys, rospy
 from rospy.impl import rosout

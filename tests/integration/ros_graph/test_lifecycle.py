@@ -19,12 +19,12 @@ from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.status import StreamStatus
-from tests.contract.waiting import PATIENCE_S
 from tests.gateway.to_ros.lists import class_list
 from tests.integration.fleet import FleetRig, fleet_rig, receive
 from tests.integration.peers.ros import RosEnvironment, RosProcess
 from tests.integration.peers.rospy_scripts import GREY_CAMERA, LISTENER, TALKER
 from tests.schemas.pictures import file_of
+from tests.waiting import PATIENCE_S
 
 FRONT = CameraKey("r1", "front")
 TOPIC = "/front/color/image_raw"

@@ -16,7 +16,7 @@ from schemas.keys import CameraKey, Stream
 from tests.gateway.to_ros.lists import class_list
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig, receive
 from tests.integration.peers.ros import SYSTEM_PYTHON, RosEnvironment, require_ros
-from tests.integration.peers.rospy_scripts import GREY_CAMERA, LISTENER
+from tests.integration.peers.rospy_scripts import ECHOED_CAMERA, GREY_CAMERA, LISTENER
 from tests.integration.to_bus.test_first_light import write_bag
 from tests.services.detector.support.views import NEAR_VIEWS, near_view
 from tests.waiting import until
@@ -107,7 +107,7 @@ async def test_a_roscpp_relay_feeds_a_gateway_and_takes_from_it(ros: RosEnvironm
 
 async def test_what_a_roscpp_node_drops_on_its_way_is_missing(ros: RosEnvironment, rig: FleetRig) -> None:
     require_ros(DROP)
-    await ros.script(GREY_CAMERA, "camera", "/elsewhere", "10")
+    await ros.script(ECHOED_CAMERA, "camera", "/elsewhere", TOPIC)
     await ros.run(DROP, "/elsewhere", "1", "2", TOPIC)
     await rig.gateway("r1", ros.master_uri, {"front": TOPIC}, "--compression", "raw")
     async with rig.subscribed(FRONT.stream(Stream.COLOR)):

@@ -33,9 +33,9 @@ from services.monitor.settings import MonitorSettings
 from services.monitor.world.site_objects import World, ZoneCount
 from services.monitor.world.zones import Zone
 from services.toolbox.demo.children import Child
-from tests.contract.waiting import until
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig
 from tests.services.worldmodel.scene import Camera, Thing, view
+from tests.waiting import until
 
 SITE = "hall-2"
 PERIOD_S = 0.1

@@ -21,7 +21,7 @@ from services.access.enrolment_client import Files, renew
 from services.access.enrolment_protocol import parse_address
 from tests.bus.sessions import LEASE_S
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import next_of, until
+from tests.waiting import next_of, until
 
 FLEET = "robots: [r1..r9]\nroles: {central: monitor}\n"
 PROGRAM = (sys.executable, "-m", "services.toolbox")

@@ -16,8 +16,8 @@ from services.access.certificates import common_name_of, hosts_of, name_of
 from services.access.enrolment_client import EnrolmentError
 from services.access.enrolment_protocol import MAX_BYTES, Enrolled, EnrolRequest, Refusal, Token
 from services.access.enrolment_server import MAX_ADDRESSES, MAX_REFUSED, REFUSED_S, RefusedAttempts
-from tests.contract.waiting import until
 from tests.services.access.enrolling import Serving, Stream, new_authority, serving
+from tests.waiting import until
 
 
 @pytest.fixture

@@ -19,8 +19,8 @@ from services.cloud.settings import CloudSettings
 from services.cloud.waiting import MALFORMED_POINTS
 from services.geometry.memory_budget import CROWDED
 from services.worker.stamp_joiner import FLUSHED
-from tests.contract.waiting import receive, until
 from tests.services.cloud.test_worker import FRONT, OPTICAL, Rig, about, found, load_when, placed, registered
+from tests.waiting import receive, until
 
 HOUR_NS = 3_600 * 10**9
 STREAMS = (Stream.COLOR, Stream.POINTS, Stream.DETECTIONS)

@@ -27,11 +27,11 @@ from schemas.transforms import Transform, Transforms
 from services.cloud.process import SERVICE, CloudWorker
 from services.cloud.settings import CloudSettings
 from services.cloud.waiting import MALFORMED, MALFORMED_POINTS, UNJOINED, UNPLACED
-from tests.contract.waiting import receive, until
 from tests.schemas.frames import header
 from tests.services.cloud.clouds import xyz_cloud
 from tests.services.cloud.scenes import Cuboid, camera_view, detection, detections, lidar_view
 from tests.services.geometry.cameras import info
+from tests.waiting import receive, until
 
 FRONT, LIDAR = CameraKey("r1", "front"), CameraKey("r1", "lidar")
 BOXES = (Cuboid((4.0, 0.6), (0.6, 0.9, 0.7)),)

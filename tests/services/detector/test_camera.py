@@ -16,9 +16,9 @@ from schemas.image import ImageFrame
 from schemas.keys import Stream
 from services.detector.camera import CameraOutputs, serving
 from services.detector.frame_counts import FrameCounts
-from tests.contract.waiting import receive, until
 from tests.services.detector.support.requests import FRONT, frame_of
 from tests.services.detector.test_overlay import HEIGHT, INSIDE, WIDTH, found, grey
+from tests.waiting import receive, until
 
 DETECTION, SEGMENTATION = Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION
 NEEDS_MASKS = {Stream.CLASSES: False, DETECTION: False, Stream.DETECTIONS: True, SEGMENTATION: True}

@@ -13,8 +13,8 @@ from services.detector.camera import feed, serving
 from services.detector.frame_counts import REPLACED, FrameCounts
 from services.detector.frame_queue import FrameQueue
 from services.detector.worker_role import DETECTOR
-from tests.contract.waiting import until
 from tests.services.detector.test_worker import FRONT, frame
+from tests.waiting import until
 
 
 async def test_frames_that_wait_unread_or_on_the_board_when_it_ends_are_counted() -> None:

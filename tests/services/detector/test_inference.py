@@ -23,9 +23,9 @@ from services.detector.inference import NETWORK_GRACE_S, Inference
 from services.detector.model import Failed, ModelError
 from services.detector.tracking.tracks import Tracking
 from services.toolbox.logs import RateLimit, RateLimitFilter
-from tests.contract.waiting import PATIENCE_S, next_of, until
 from tests.schemas.frames import header, image
 from tests.services.detector.support.told_model import FATAL, ToldModel
+from tests.waiting import PATIENCE_S, next_of, until
 
 CAMERAS = [CameraKey("r1", f"c{number}") for number in range(4)]
 

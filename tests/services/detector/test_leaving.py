@@ -18,10 +18,10 @@ from services.detector.requests import FINISH_S
 from services.detector.settings import DetectorSettings
 from services.toolbox.demo.children import STOP_S
 from services.toolbox.process import DEADLINE_S
-from tests.contract.waiting import PATIENCE_S, receive, until
 from tests.services.detector.support.fakes import FakeModel
 from tests.services.detector.test_requests import png
 from tests.services.detector.test_worker import FRONT, frame
+from tests.waiting import PATIENCE_S, receive, until
 
 LONG_S = 0.7
 """Longer than anything but the model takes."""

@@ -16,10 +16,10 @@ from services.detector.model import ModelError
 from services.detector.process import FAILED, run, work
 from services.detector.settings import DetectorSettings
 from services.toolbox.demo.children import free_ports
-from tests.contract.waiting import PATIENCE_S, until
 from tests.services.detector.support.fakes import FakeModel
 from tests.services.detector.test_requests import png
 from tests.services.detector.test_worker import FRONT, frame
+from tests.waiting import PATIENCE_S, until
 
 
 @asynccontextmanager

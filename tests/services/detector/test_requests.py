@@ -19,8 +19,8 @@ from services.detector import requests, watchdog
 from services.detector.model import ModelError
 from services.detector.requests import answering
 from services.detector.stills import frame_of
-from tests.contract.waiting import PATIENCE_S
 from tests.services.detector.support.fakes import FakeModel
+from tests.waiting import PATIENCE_S
 
 
 def png(color: tuple[int, int, int] = (9, 8, 7)) -> bytes:

@@ -18,9 +18,9 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
 from schemas.worker_keys import WorkerAlive
 from services.detector.process import DetectorWorker
-from tests.contract.waiting import next_of, until
 from tests.schemas.frames import header, image
 from tests.services.detector.support.told_model import ToldModel
+from tests.waiting import next_of, until
 
 CAMERAS = [CameraKey("r1", f"c{number}") for number in range(4)]
 A, B = (WorkerAlive("detector", name) for name in "ab")

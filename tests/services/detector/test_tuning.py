@@ -11,8 +11,8 @@ from schemas.tuning import Tuning
 from schemas.worker_keys import WorkerAlive
 from services.detector.process import DetectorWorker
 from services.detector.tuning import deviations
-from tests.contract.waiting import receive
 from tests.services.detector.support.fakes import FakeModel
+from tests.waiting import receive
 
 CONFIGURED = Tuning(confidence=0.25, iou=0.7, max_detections=300, classes=[])
 

@@ -20,10 +20,10 @@ from schemas.status import UNWANTED, CameraLoad, WorkerStatus
 from schemas.worker_keys import WorkerAlive
 from services.detector.frame_counts import DEPTH, FAILED, MALFORMED, REPLACED
 from services.detector.process import DetectorWorker
-from tests.contract.waiting import PATIENCE_S, receive, until
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
 from tests.services.detector.support.fakes import FakeModel
+from tests.waiting import PATIENCE_S, receive, until
 
 ME = WorkerAlive("detector", "w1")
 FRONT, REAR = CameraKey("r1", "front"), CameraKey("r1", "rear")

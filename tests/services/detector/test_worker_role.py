@@ -19,9 +19,9 @@ from services.detector.frame_counts import SPARED
 from services.detector.process import DetectorWorker
 from services.detector.requests import answering
 from services.detector.worker_role import DETECTOR, OPINION
-from tests.contract.waiting import next_of, receive, until
 from tests.services.detector.support.fakes import FakeModel
 from tests.services.detector.test_worker import FRONT, Rig, frame, loads_after
+from tests.waiting import next_of, receive, until
 
 COUNTED = (Stream.CLASSES, Stream.DETECTIONS, Stream.OVERLAY_DETECTION, Stream.OVERLAY_SEGMENTATION)
 

@@ -19,8 +19,7 @@ from schemas.status import CameraLoad, WorkerStatus
 from schemas.transforms import Transforms
 from services.distance.process import DistanceWorker
 from services.distance.settings import DistanceSettings
-from tests.contract.waiting import receive
-from tests.waiting import until
+from tests.waiting import receive, until
 
 FRONT: Final = CameraKey("r1", "front")
 STREAMS: Final[dict[Stream, tuple[type[msgspec.Struct], QoS]]] = {

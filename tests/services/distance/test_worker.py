@@ -20,7 +20,6 @@ from schemas.status import WorkerStatus
 from services.distance.camera import WAITED
 from services.distance.sensor_input import DOUBLE
 from services.worker.stamp_joiner import FLUSHED
-from tests.contract.waiting import receive
 from tests.services.distance.rig import FRONT, Robot, load, only, robot, working
 from tests.services.distance.scenes import (
     FRAME,
@@ -34,7 +33,7 @@ from tests.services.distance.scenes import (
     transforms,
     wall,
 )
-from tests.waiting import until
+from tests.waiting import receive, until
 
 HOUR_NS = 3_600 * 10**9
 BOX = found(mask(slice(10, 30), slice(20, 50)))

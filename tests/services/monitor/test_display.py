@@ -26,8 +26,8 @@ from services.monitor.display import line, notes_of, render
 from services.monitor.fleet import Age, Fleet, Row
 from services.toolbox.demo.children import free_ports
 from tests.bus.sessions import ROOT, client
-from tests.contract.waiting import PATIENCE_S, until
 from tests.services.monitor.inventory.seeing import FRONT, seen
+from tests.waiting import PATIENCE_S, until
 
 BUSY = Row(
     CameraKey("r1", "front"),

@@ -6,7 +6,7 @@ from bus.fake import FakeNetwork
 from services.monitor.health import Health
 from services.monitor.liveness import STALLED_S
 from tests.contract.conftest import free_endpoint
-from tests.contract.waiting import until
+from tests.waiting import until
 
 
 async def test_it_hears_itself() -> None:

@@ -21,11 +21,11 @@ from services.monitor.display import MAX_LINES, show
 from services.monitor.fleet import Fleet
 from services.monitor.formats import MAX_SHOWN
 from services.monitor.process import watch_fleet
-from tests.contract.waiting import until
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
 from tests.services.monitor.inventory.seeing import going_on
 from tests.services.monitor.map.test_sites import status as site_status
+from tests.waiting import until
 
 FRONT = CameraKey("r1", "front")
 SEEN = ClassList(header=header(), classes=[ClassCount("box", 2, 0.9)], model="m", worker="w")

@@ -18,8 +18,8 @@ from services.monitor.fleet import Fleet
 from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import TrustLimits
 from services.monitor.requests import answer_inventory, answer_to, measure_clocks
-from tests.contract.waiting import until
 from tests.services.monitor.inventory.seeing import S, seen
+from tests.waiting import until
 
 
 def fleet_of(counts: dict[str, int]) -> Fleet:

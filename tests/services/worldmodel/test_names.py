@@ -22,8 +22,8 @@ from services.worldmodel.published_objects import Inventory
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import Site, ViewReader
 from services.worldmodel.state import restored, saved
-from tests.contract.waiting import receive, until
 from tests.services.worldmodel.scene import NS, Camera, Thing, known, view, watch
+from tests.waiting import receive, until
 
 THINGS = [Thing(3.0, 0.8), Thing(4.0, -0.9)]
 

@@ -12,10 +12,10 @@ from schemas.camera_info import CameraInfo
 from schemas.image import ImageFrame
 from schemas.keys import sensor_key
 from schemas.points import PointCloud
-from tests.contract.waiting import receive
 from tests.gateway.to_bus.shaping.frames import cloud, frame, picture
 from tests.gateway.to_bus.shaping.rig import Rig, numbered
 from tests.gateway.to_bus.shaping.test_scaling import info
+from tests.waiting import receive
 
 COLOR, DEPTH, INFO, DEPTH_INFO, POINTS, BATTERY = (
     sensor_key("r1", name)

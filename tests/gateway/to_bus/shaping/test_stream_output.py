@@ -19,13 +19,12 @@ from schemas.ros import RawMessage
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, TOO_LARGE, UNSHAPED
 from schemas.transforms import Transforms
 from services.toolbox.logs import RateLimit, RateLimitFilter
-from tests.contract.waiting import receive
 from tests.gateway.to_bus.shaping.frames import cloud, frame, picture
 from tests.gateway.to_bus.shaping.rig import Rig, numbered
 from tests.gateway.to_bus.shaping.test_scaling import info
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
-from tests.waiting import until
+from tests.waiting import receive, until
 
 COLOR, DEPTH, INFO, POINTS, BATTERY, TF = (
     sensor_key("r1", name) for name in ("front/color", "front/depth", "front/info", "front/points", "ros/battery", "tf")
@@ -255,7 +254,7 @@ async def test_transforms_take_of_the_uplink_what_leaves_this_machine_and_go_at_
     assert color.counts.bytes == sum(len(codec.encode(numbered(seq))) for seq in sent)
 
 
-async def test_an_outlet_that_is_closed_sends_nothing_more(rig: Rig) -> None:
+async def test_an_output_that_is_closed_sends_nothing_more(rig: Rig) -> None:
     for settings in ({"uplink_mbit": 0.08, "compression": "raw"}, {"compression": "png"}):
         output, _ = await rig.output(COLOR, await rig.shaping(**settings))
         for seq in range(3):

@@ -18,10 +18,10 @@ from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.findings import CameraState
 from services.monitor.rules.loading import load_rules
 from services.monitor.rules.subjects import UnknownAlertError
-from tests.contract.waiting import until
 from tests.schemas.results import alert, distances, known
 from tests.services.monitor.alerting.rigging import Rig, ahead, received, rigged
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
+from tests.waiting import until
 
 
 @pytest.fixture

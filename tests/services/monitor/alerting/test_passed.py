@@ -10,10 +10,10 @@ import pytest
 
 from schemas.alerts import Action, Alert, AlertState
 from schemas.keys import ACTIONS, ALERTS
-from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.alerting.rigging import Rig, received, rigged
 from tests.services.monitor.inventory.seeing import S
+from tests.waiting import until
 
 RULES = """
 rules:

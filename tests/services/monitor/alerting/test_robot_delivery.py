@@ -19,10 +19,10 @@ from services.monitor.alerting.robot_delivery import Lanes
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
-from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.alerting.test_webhooks import Receiver, receiving
 from tests.services.monitor.inventory.seeing import FRONT, seen
+from tests.waiting import until
 
 
 class Receivers:

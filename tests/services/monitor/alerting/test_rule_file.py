@@ -6,7 +6,7 @@ import pytest
 from services.monitor.alerting import rule_file as module
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.rules.loading import RuleFileError
-from tests.contract.waiting import until
+from tests.waiting import until
 
 ONE = "rules: [{name: a, when: silent}]\n"
 

@@ -13,8 +13,8 @@ from schemas.alerts import Alert, AlertState
 from services.monitor.alerting import backlog
 from services.monitor.alerting.webhooks import GROUP, TRIES, Outcome, Webhooks, signed
 from services.monitor.rules.model import Webhook
-from tests.contract.waiting import until
 from tests.schemas.results import alert
+from tests.waiting import until
 
 SECRET = "a long secret"  # noqa: S105 - of a test
 

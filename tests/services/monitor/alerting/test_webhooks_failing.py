@@ -10,9 +10,9 @@ import pytest
 
 from services.monitor.alerting.webhooks import GROUP, TRIES, Outcome
 from services.monitor.rules.model import Webhook
-from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.alerting.test_webhooks import SECRET, posting, receiving
+from tests.waiting import until
 
 Failing = Callable[[dict[str, Any]], bool]
 

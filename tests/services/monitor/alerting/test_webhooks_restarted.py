@@ -15,11 +15,11 @@ from services.monitor.history.writer import HistoryWriter
 from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Change
-from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.alerting.test_webhooks import receiving, told
 from tests.services.monitor.history.test_store import opened
 from tests.services.monitor.inventory.seeing import FRONT, seen
+from tests.waiting import until
 
 
 @asynccontextmanager

@@ -11,12 +11,12 @@ from services.monitor.history.clock_trust import DAY_NS, FAR_NS, ClockTrust, Cor
 from services.monitor.history.intervals import Interval
 from services.monitor.history.state import Act, HistoryError
 from services.monitor.history.store import Store
-from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.history.support.lasting import there
 from tests.services.monitor.history.support.monitoring import Monitor, attended, kept, monitoring, noted
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S
+from tests.waiting import until
 
 KEPT_NS = 1_700_000_000 * S
 AHEAD_NS = 60 * DAY_NS

@@ -15,13 +15,13 @@ from services.monitor.history.store import Store
 from services.monitor.history.tables import SCHEMA_VERSION, metadata
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.users import Kind
-from tests.contract.waiting import until
 from tests.services.monitor.history.database.test_engine import names
 from tests.services.monitor.history.database.test_opening import changing, numbers
 from tests.services.monitor.history.support.monitoring import Monitor, kept, monitoring
 from tests.services.monitor.history.test_store import every, interval, opened
 from tests.services.monitor.inventory.seeing import S
 from tests.services.monitor.web.serving import PASSWORD, access_in, users_in
+from tests.waiting import until
 
 
 @asynccontextmanager

@@ -10,10 +10,10 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from services.monitor.history import store as module
 from services.monitor.history.engine import translating
 from services.monitor.history.row_maintenance import Pruning
-from tests.contract.waiting import until
 from tests.services.monitor.history.support.monitoring import kept, monitoring
 from tests.services.monitor.history.test_store import opened
 from tests.services.monitor.inventory.seeing import S
+from tests.waiting import until
 
 UNHEARD_S = 4.0  # long enough for heartbeats on a busy machine
 ENDLESS = {

@@ -13,11 +13,11 @@ from services.monitor.history.intervals import interval_of
 from services.monitor.history.presence import MONITOR
 from services.monitor.history.state import Act, HistoryError
 from services.monitor.history.store import Store
-from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.history.support.monitoring import attended, kept, monitoring
 from tests.services.monitor.history.test_store import opened
 from tests.services.monitor.inventory.seeing import S, going_on
+from tests.waiting import until
 
 
 async def test_a_robot_is_forgotten_at_all_monitors_of_a_database_where_it_is_gone(url: str) -> None:

@@ -23,10 +23,10 @@ from services.monitor.history.writer import HistoryWriter
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.world.site_objects import SITE, World
-from tests.contract.waiting import until
 from tests.services.monitor.history.test_store import opened
 from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.world.test_site_objects import DOCK, changes, thing
+from tests.waiting import until
 
 S = 1_000_000_000
 NOW = 1_700_000_000 * S

@@ -15,11 +15,11 @@ from services.monitor.inventory.sighting import ChangeKind
 from services.monitor.liveness import POSE_LIVE_NS
 from services.monitor.map.last_seen import FORGET_NS, LastPoses
 from services.monitor.map.pose import Pose
-from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.history.support.monitoring import Monitor, attended, kept, monitoring, noted
 from tests.services.monitor.history.test_store import opened
 from tests.services.monitor.inventory.seeing import FRONT, S, going_on, seen
+from tests.waiting import until
 
 
 async def test_what_is_in_view_goes_on_over_a_restart(url: str) -> None:

@@ -11,10 +11,10 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.objects import ObjectClouds
 from services.monitor.live_views.newest import MOST_LISTS, FrameLists, Newest, clouds, pictures
-from tests.contract.waiting import until
 from tests.schemas.frames import header, image
 from tests.schemas.results import clouds as object_clouds
 from tests.services.monitor.inventory.seeing import seen
+from tests.waiting import until
 
 KEY = StreamKey(CameraKey("r1", "front"), Stream.OVERLAY_DETECTION)
 

@@ -1,7 +1,6 @@
 """Poses of robots that a page watches."""
 
 import asyncio
-from collections.abc import Callable
 
 from bus import QoS
 from bus.clocks import clock_id
@@ -13,14 +12,9 @@ from services.monitor.live_views.robot_poses import HeldRobots, Robots, robots
 from services.monitor.live_views.shared import SharedSubscriptions
 from services.monitor.map.pose import Pose, Whereabouts
 from tests.services.monitor.map.test_pose import message, transform
+from tests.waiting import until
 
 ENCODING = codec.encoding(Transforms)
-
-
-async def until(condition: Callable[[], object]) -> None:
-    async with asyncio.timeout(5):
-        while not condition():  # noqa: ASYNC110 - nobody tells
-            await asyncio.sleep(0.001)
 
 
 async def test_transforms_are_wanted_while_somebody_looks_at_the_map() -> None:

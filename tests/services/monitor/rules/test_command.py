@@ -25,11 +25,11 @@ from services.monitor.liveness import SETTLE_NS
 from services.monitor.rules.command import run
 from services.monitor.rules.loading import RuleFileError
 from services.monitor.settings import RulesSettings
-from tests.contract.waiting import until
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.history.support.lasting import disagreement, there
 from tests.services.monitor.inventory.seeing import S, seen
 from tests.services.monitor.rules.replaying import HISTORY
+from tests.waiting import until
 
 BOTH = "rules: [{name: gone, when: silent}, {name: odd, when: disagree}]"
 

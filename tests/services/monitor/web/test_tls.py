@@ -17,8 +17,8 @@ from services.monitor.web import tls
 from services.monitor.web.application import cookie_of
 from services.monitor.web.process import Web
 from tests.bus.certificates import certificate, make_certificates
-from tests.contract.waiting import until
 from tests.services.monitor.web.serving import monitor_on
+from tests.waiting import until
 
 HSTS = "strict-transport-security"
 

@@ -16,10 +16,10 @@ from schemas.world import ChangeKind, FloorLooks, WorldAnswer, WorldChanges, Wor
 from services.monitor.map.sites import Sites
 from services.monitor.world.following import ask_for_object, follow_world
 from services.monitor.world.site_objects import SITE, World
-from tests.contract.waiting import until
 from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.world.test_conditions import looks
 from tests.services.monitor.world.test_site_objects import DOCK, change, changes, thing
+from tests.waiting import until
 
 KEY = worker_keys.world_key("hall", WorldStream.CHANGES)
 

@@ -16,9 +16,9 @@ from schemas.keys import Stream
 from schemas.worker_keys import WorkerAlive
 from services.toolbox.collect.process import run
 from services.toolbox.collect.settings import CollectSettings
-from tests.contract.waiting import until
 from tests.fleetsight.stand_in import FOUND, FRONT, stand_in
 from tests.schemas.frames import header
+from tests.waiting import until
 
 
 def settings(endpoint: str, folder: Path, **more: Any) -> CollectSettings:

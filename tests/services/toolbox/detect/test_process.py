@@ -25,9 +25,9 @@ from services.toolbox.demo.children import free_ports
 from services.toolbox.detect import process
 from services.toolbox.detect.process import run, table
 from services.toolbox.detect.settings import DetectSettings
-from tests.contract.waiting import PATIENCE_S
 from tests.schemas.frames import header
 from tests.services.detector.support.fakes import FakeModel
+from tests.waiting import PATIENCE_S
 
 
 @pytest.fixture

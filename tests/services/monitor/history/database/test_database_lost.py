@@ -16,11 +16,11 @@ from services.monitor.history import writer as module
 from services.monitor.history.presence import MONITOR
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
-from tests.contract.waiting import until
 from tests.schemas.results import alert
 from tests.services.monitor.history.support.monitoring import Monitor, attended, kept, monitoring, noted
 from tests.services.monitor.history.support.postgresql import PostgreSQL
 from tests.services.monitor.inventory.seeing import S
+from tests.waiting import until
 
 
 async def test_with_the_database_gone_monitoring_goes_on_and_nothing_is_lost(postgresql: PostgreSQL) -> None:

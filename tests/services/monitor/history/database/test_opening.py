@@ -20,10 +20,10 @@ from services.monitor.history.tables import SCHEMA_VERSION, metadata, schema_ver
 from services.monitor.process import run, running
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.auth.store import UserStore, users_url
-from tests.contract.waiting import until
 from tests.services.monitor.history.support.monitoring import monitoring
 from tests.services.monitor.history.test_store import every, interval, opened
 from tests.services.monitor.inventory.seeing import S
+from tests.waiting import until
 
 
 @asynccontextmanager

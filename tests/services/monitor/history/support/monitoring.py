@@ -14,9 +14,9 @@ from services.monitor.history.writer import HistoryWriter
 from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.map.last_seen import SightingMap
-from tests.contract.waiting import until
 from tests.services.monitor.history.test_store import every, opened
 from tests.services.monitor.inventory.seeing import seen
+from tests.waiting import until
 
 LIMITS = TrustLimits(Debounce(1, 0, 1, 0))
 

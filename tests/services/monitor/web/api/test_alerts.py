@@ -14,11 +14,11 @@ from services.monitor.monitor import Monitor
 from services.monitor.rules.loading import load_rules
 from services.monitor.rules.model import RuleBook
 from services.monitor.web.pages.health import facts
-from tests.contract.waiting import until
 from tests.services.monitor.alerting.test_webhooks import receiving
 from tests.services.monitor.web.api.seeing import FRONT, ODD, fill
 from tests.services.monitor.web.asking import Web, web_in
 from tests.services.monitor.web.serving import monitor_on
+from tests.waiting import until
 
 RULES = """rules: [{name: here, when: over, class: box, count: 0}, {name: gone, when: silent}]
 webhooks: {ops: {url: "https://user:pw@ops.example/x", secret: do-not-tell}}"""

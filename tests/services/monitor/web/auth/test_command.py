@@ -17,11 +17,11 @@ from services.monitor.settings import UsersSettings
 from services.monitor.web.auth.command import UsersError, read_password, run
 from services.monitor.web.auth.store import UserStore
 from services.monitor.web.auth.users import Kind, Role, User
-from tests.contract.waiting import PATIENCE_S, until
 from tests.services.monitor.history.database.test_engine import names
 from tests.services.monitor.web.auth.test_logins import access_to
 from tests.services.monitor.web.auth.test_store import newer
 from tests.services.monitor.web.serving import users_in
+from tests.waiting import PATIENCE_S, until
 
 PASSWORD = "correct horse battery"  # noqa: S105 - nobody's
 

@@ -13,9 +13,9 @@ from services.monitor.web.pages.alerts import KeptAlerts
 from services.monitor.web.pages.health import facts
 from services.monitor.web.pages.page_data import PageData
 from services.monitor.web.pages.rows.robots import RobotFilter
-from tests.contract.waiting import until
 from tests.services.monitor.web.pages.rows.test_alerts import ALERT
 from tests.services.monitor.web.serving import monitor_on
+from tests.waiting import until
 
 
 async def test_all_who_look_at_once_share_what_they_see() -> None:
