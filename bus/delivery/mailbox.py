@@ -113,6 +113,22 @@ class PerKey(Generic[K, T]):
             self._idle.popitem(last=False)
 
 
+class _Drops(Generic[K]):
+    """How many items of each key were dropped since one was taken, of the MAX_KEYS that lost one last."""
+
+    def __init__(self) -> None:
+        self._of: OrderedDict[K, int] = OrderedDict()
+
+    def note(self, key: K) -> None:
+        self._of[key] = self._of.get(key, 0) + 1
+        if len(self._of) > MAX_KEYS:
+            self._of.popitem(last=False)
+
+    def taken(self, key: K) -> int:
+        """Return how many were dropped, and forget it."""
+        return self._of.pop(key, 0)
+
+
 @final
 class Fifo(Generic[K, T]):
     """Keep the `depth` newest items in order of arrival, as far as they have `most_bytes` together; always the newest.
@@ -126,7 +142,7 @@ class Fifo(Generic[K, T]):
         self._size = size
         self._bytes = 0
         self._items: deque[tuple[K, T]] = deque()
-        self._dropped: OrderedDict[K, int] = OrderedDict()
+        self._drops = _Drops[K]()
 
     def offer(self, key: K, item: T) -> int:
         """Add an item; return how many of the oldest ones were dropped for it."""
@@ -136,10 +152,8 @@ class Fifo(Generic[K, T]):
         while len(self._items) > self._depth or (self._bytes > self._most_bytes and len(self._items) > 1):
             victim, old = self._items.popleft()
             self._bytes -= self._size(old)
-            self._dropped[victim] = self._dropped.get(victim, 0) + 1
+            self._drops.note(victim)
             dropped += 1
-        while len(self._dropped) > MAX_KEYS:
-            self._dropped.popitem(last=False)
         return dropped
 
     def take(self) -> Taken[K, T] | None:
@@ -148,7 +162,7 @@ class Fifo(Generic[K, T]):
             return None
         key, item = self._items.popleft()
         self._bytes -= self._size(item)
-        return Taken(key, item, self._dropped.pop(key, 0))
+        return Taken(key, item, self._drops.taken(key))
 
 
 OWNER_BYTES: Final = 400
@@ -191,7 +205,7 @@ class InTurn(Generic[K, T]):
         self._bytes = 0
         self._shares: OrderedDict[K, _Share[K, T]] = OrderedDict()
         self._by_magnitude: defaultdict[int, dict[K, None]] = defaultdict(dict)  # owners by their bytes' bit length
-        self._dropped: OrderedDict[K, int] = OrderedDict()
+        self._drops = _Drops[K]()
 
     def offer(self, key: K, item: T) -> int:
         """Add an item; return how many were dropped for it."""
@@ -211,10 +225,8 @@ class InTurn(Generic[K, T]):
         while (self._count > self._depth or self._bytes > self._most_bytes) and self._count > 1:
             largest = next(iter(self._by_magnitude[max(self._by_magnitude)]))
             victim, _ = self._pop(largest, self._shares[largest])
-            self._dropped[victim] = self._dropped.get(victim, 0) + 1
+            self._drops.note(victim)
             dropped += 1
-        while len(self._dropped) > MAX_KEYS:
-            self._dropped.popitem(last=False)
         return dropped
 
     def take(self) -> Taken[K, T] | None:
@@ -224,7 +236,7 @@ class InTurn(Generic[K, T]):
         owner = next(iter(self._shares))
         self._shares.move_to_end(owner)
         key, item = self._pop(owner, self._shares[owner])
-        return Taken(key, item, self._dropped.pop(key, 0))
+        return Taken(key, item, self._drops.taken(key))
 
     def _pop(self, owner: K, share: _Share[K, T]) -> tuple[K, T]:
         link = share.oldest

@@ -116,7 +116,7 @@ class Alerting:
         self._begin_anew()
         if self._conditions is not None:
             self._conditions.adopt(self._engine.alerts())
-        self._since_ns = min(since_ns, time.time_ns())
+        self._since_ns = since_ns
         waiting = list(self._waiting)
         self._waiting.clear()
         self._take(self._engine, waiting, late_ns=0)
@@ -148,6 +148,7 @@ class Alerting:
     def _take(self, engine: RuleEngine, changes: Iterable[Change], late_ns: int) -> None:
         """Take changes. late_ns: the age from which on one came too late for a look."""
         now_ns = time.time_ns()
+        self._since_ns = min(self._since_ns, now_ns)  # the clock may have been set back
         for change in changes:
             self._unsteady.add(change.sighting.key)
             known_ns = self._known_ns(change)

@@ -92,6 +92,18 @@ async def test_a_cooldown_holds_in_hindsight(tmp_path: Path) -> None:
         assert [(each - raised[0]) / S for each in raised] == pytest.approx([0, 10], abs=0.5)
 
 
+async def test_a_clock_that_is_set_back_keeps_nothing_back(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig.alerting.lead((), since_ns=time.time_ns())
+    hour_ns, now_ns = 3_600 * S, time.time_ns
+    monkeypatch.setattr(time, "time_ns", lambda: now_ns() - hour_ns)
+    rig.inventory.set_back(time.time_ns())
+    rig.see(ago_s=-1)
+    rig.see(ago_s=-2, pallet=1)
+    await asyncio.sleep(0.3)
+    rig.see(ago_s=-3, pallet=1, box=4)
+    await until(lambda: rig.states() == [("came", RAISED)])
+
+
 async def test_too_short_is_not_enough_in_hindsight_either(rig: Rig) -> None:
     rig.see(ago_s=20)
     rig.see(ago_s=15, box=3)
