@@ -68,7 +68,8 @@ def session_config(
 
     links: how many there may be; they may come all at once, as after a restart. access: rules, as Zenoh has them.
     first: an endpoint to connect to before the others. prefix: keys of which a router is told as one that they are
-    published, instead of each.
+    published, instead of each. Not by a client to which others connect: Zenoh (1.10) then sends the router what they
+    alone subscribe to, as it looks for subscribers of a key only where that key itself was declared.
 
     Timestamping is off: a subscriber with history drops what a router's clock puts out of order.
     """
@@ -76,7 +77,7 @@ def session_config(
     blocked_us = min(lease_ms, MAX_BLOCKED_MS) * 1_000
     rules = {} if access is None else {"access_control": access}
     own = rules | ({"gateway": {"south": NEIGHBOURS}} if settings.is_listening_client else {})
-    if prefix:
+    if prefix and not settings.is_listening_client:
         own |= {"aggregation": {"publishers": [f"{prefix}/**"], "subscribers": []}}
     return own | {
         "mode": settings.mode,

@@ -24,6 +24,11 @@ def gateway(central: str, own: str) -> BusSettings:
     return BusSettings(connect=[central], listen=[own], lease_s=LEASE_S)
 
 
+def without_memory(settings: BusSettings) -> BusSettings:
+    """Return settings with which all bytes cross the link."""
+    return settings.model_copy(update={"shared_memory": False})
+
+
 def port_of(endpoint: str) -> int:
     return int(endpoint.rpartition(":")[2])
 
@@ -148,3 +153,29 @@ async def test_a_link_that_zenoh_has_given_up_is_made_anew(
             assert await next_of(watch) == Presence("robot", alive=True)
             await until(lambda: not robot.link_problem)
         assert f"opening a new session: {central} takes links, and this one has none" in caplog.messages
+
+
+@pytest.mark.parametrize("prefix", ["", "fleet/r1"])
+async def test_what_only_services_beside_a_robot_want_does_not_leave_it(prefix: str) -> None:
+    centre, own = free_endpoint(), free_endpoint()
+    depth, color, size = "fleet/r1/front/depth", "fleet/r1/front/color", 500_000
+    async with (
+        open_bus(router(centre)) as central,
+        severable(port_of(centre)) as link,
+        open_bus(without_memory(gateway(f"tcp/127.0.0.1:{link.port}", own)), prefix=prefix) as robot,
+        open_bus(client(own)) as beside,
+        beside.subscribe(depth, QUEUE(100)) as near,
+        central.subscribe(color, QUEUE(100)) as far,
+        robot.publisher(depth, QoS.IMAGE) as depths,
+        robot.publisher(color, QoS.IMAGE) as colors,
+    ):
+        await until(lambda: depths.wanted and colors.wanted)
+        colors.put(b"first")
+        assert (await next_of(far)).payload == b"first"
+        link.sent = 0
+        for number in range(5):
+            depths.put(bytes([number]) * size)
+            assert bytes((await next_of(near)).payload[:1]) == bytes([number])
+        colors.put(b"last")
+        assert (await next_of(far)).payload == b"last"
+        assert link.sent < size, "no depth image went to the centre"

@@ -13,13 +13,13 @@ CHUNK = 1 << 16
 class Severable:
     """Hands on what comes in, both ways. While it is cut nothing gets through, and there are no new connections.
 
-    received: bytes that were handed on to those that connect.
+    received: bytes that were handed on to those that connect. sent: from these.
     """
 
     def __init__(self, to_port: int) -> None:
         self.cut = False
         self.port = 0
-        self.received = 0
+        self.received = self.sent = 0
         self._to_port = to_port
         self._writers: set[asyncio.StreamWriter] = set()
 
@@ -44,7 +44,7 @@ class Severable:
         try:
             async with TaskScope() as scope:
                 scope.start(_copy(to_reader, writer, self._count), "back")
-                await _copy(reader, to_writer)
+                await _copy(reader, to_writer, self._count_sent)
         finally:
             self._writers -= both
             for each in both:
@@ -52,6 +52,9 @@ class Severable:
 
     def _count(self, size: int) -> None:
         self.received += size
+
+    def _count_sent(self, size: int) -> None:
+        self.sent += size
 
 
 async def _copy(
