@@ -1,8 +1,9 @@
 """Bytes, time and memory that robots cost their router, with thousands of real sessions, in some five minutes.
 
 Every robot is a session of its own that declares what a gateway declares, and listens for services beside it, unless
---alone is given: then it declares together what it publishes. No images flow. A few processes have them all, the router is a process apart, and a client of it watches the whole fleet, as a
-monitor does. One more robot joins by way of a relay that counts what crosses it.
+--alone is given: then it declares together what it publishes. No images flow. A few processes have them all, the router
+is a process apart, and a client of it watches the whole fleet, as a monitor does. One more robot joins by way of a
+relay that counts what crosses it.
 
     bytes_per_robot_joining  both ways, without signs of life, beside so many robots, the median of three;
                              joining_spread: the most over the least

@@ -26,7 +26,7 @@ a flood took 100 MB here.
 SAMPLE_ROOM_BYTES: Final = 512 << 10
 """Of a subscription whose waiting samples have a limit in bytes, the channel has one place for so many of them."""
 
-LEAST_ROOM: Final = 64
+LEAST_ROOM: Final = 256
 
 AT_ONCE: Final = 1_000
 

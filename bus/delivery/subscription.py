@@ -230,7 +230,18 @@ def _numbered(
     return numbered, others
 
 
+MOST_TEXTS: Final = 50_000
+_texts: Final[dict[str, str]] = {}
+
+
+def _once(text: str) -> str:
+    """Return a text that many waiting samples share. Some Pythons (3.12) never free what `sys.intern` was given."""
+    if len(_texts) >= MOST_TEXTS:
+        _texts.clear()
+    return _texts.setdefault(text, text)
+
+
 def _sample(arrived: zenoh.Sample, *, kept: bool = False) -> Sample:
     """Return the sample with a reception time of its own, so that samples of one batch stay in order in time."""
-    key, encoding = sys.intern(str(arrived.key_expr)), sys.intern(str(arrived.encoding))  # once, of many that wait
+    key, encoding = _once(str(arrived.key_expr)), _once(str(arrived.encoding))
     return Sample(key, arrived.payload.to_bytes(), encoding, time.time_ns(), kept=kept)

@@ -77,7 +77,7 @@ class Alerting:
         self._conditions = conditions
         self._page = page
         self._engine: RuleEngine | None = None
-        self._since_ns = 0
+        self._since_ns = self._taken_ns = 0
         self._waiting = deque[Change](maxlen=MAX_WAITING)
         self._passed = MissedConditions(_new_id, page=page)
         self._effects: list[Effect] = []
@@ -147,13 +147,23 @@ class Alerting:
 
     def _take(self, engine: RuleEngine, changes: Iterable[Change], late_ns: int) -> None:
         """Take changes. late_ns: the age from which on one came too late for a look."""
-        now_ns = time.time_ns()
-        self._since_ns = min(self._since_ns, now_ns)  # the clock may have been set back
+        now_ns, before_ns = time.time_ns(), self._taken_ns
+        self._taken_ns = now_ns
+        if now_ns < before_ns:  # the clock was set back
+            self._since_ns = 0
+            self._passed.clear()
         for change in changes:
-            self._unsteady.add(change.sighting.key)
+            camera = self._inventory.camera(change.sighting.key)
+            if camera is None:
+                continue
             known_ns = self._known_ns(change)
+            late = now_ns - known_ns >= late_ns
             if known_ns > self._since_ns:
-                self._effects += self._passed.take(change, engine, now_ns, late=now_ns - known_ns >= late_ns)
+                self._effects += self._passed.take(change, engine, now_ns, late=late)
+            if late:
+                self._look(engine, camera, now_ns)  # until it has caught up, nothing is raised as if it were now
+            self._unsteady.add(camera.key)
+            if known_ns > self._since_ns or late_ns:
                 engine.changed([change], now_ns)
 
     def _known_ns(self, change: Change) -> int:
@@ -217,6 +227,7 @@ class Alerting:
             if not leads():
                 self._delivery.webhooks.clear()
                 self._passed.clear()
+                self._effects.clear()
                 self._engine = None
             engine = self._engine
             if engine is None:

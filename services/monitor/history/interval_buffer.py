@@ -106,10 +106,13 @@ class IntervalBuffer:
             if at in ours:
                 ours[at].append(each)
         merged: list[StoredInterval] = []
+        going_on: list[StoredInterval] = []
+        until_ns = {_at(old): old.until_ns for old in sorted(stored, key=_until)}
         for old in stored:
             here = ours[_at(old)]
             same = _going_on(old, here, heartbeat_ns, gap_ns)
             if same is not None:
+                going_on.append(same)
                 here.remove(same)
                 for each in here if followed else ():
                     if each.since_ns < same.since_ns:
@@ -122,8 +125,8 @@ class IntervalBuffer:
             elif old.open:
                 ends_ns = [max(old.until_ns, heartbeat_ns), *(of.since_ns for of in here if of.since_ns > old.since_ns)]
                 merged.append(replace(old, until_ns=min(ends_ns), open=False))
+        until_ns |= {_at(each): each.until_ns - SAME_NS for each in going_on if not each.open}
         if followed:
-            until_ns = {_at(old): old.until_ns for old in sorted(stored, key=_until)}
             since_ns = heartbeat_ns - gap_ns
             self._pending = {
                 key: each
@@ -193,7 +196,7 @@ def _going_on(
 
 def _is_unwritten(each: StoredInterval, until_ns: int | None, since_ns: int) -> bool:
     """Whether one that ended is not in the database. until_ns: of the last there of its place, if any since then."""
-    return each.until_ns > since_ns and (until_ns is None or each.since_ns > until_ns + SAME_NS)
+    return each.until_ns > since_ns and (until_ns is None or each.since_ns >= until_ns + SAME_NS)
 
 
 def _goes_on(new: StoredInterval, old: StoredInterval, heartbeat_ns: int, gap_ns: int) -> bool:

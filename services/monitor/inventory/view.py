@@ -184,7 +184,8 @@ class ModelView:
 
     def set_back(self, now_ns: int) -> None:
         """Cap all arrival times at now: the clock was set back."""
-        self.last_ns, self._listed_ns = min(self.last_ns, now_ns), min(self._listed_ns, now_ns)
+        self.began_ns, self.last_ns = min(self.began_ns, now_ns), min(self.last_ns, now_ns)
+        self._listed_ns = min(self._listed_ns, now_ns)
         self.order.set_back(now_ns)
         for tracked in self.classes.values():
             tracked.set_back(now_ns)

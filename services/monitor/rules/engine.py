@@ -146,12 +146,19 @@ class RuleEngine:
         """Return what is known of a rule at a place, to read only."""
         return self._subjects.get(rule, place)
 
-    def end(self, rule: AnyRule, place: SubjectKey) -> int | None:
-        """Take that a condition holds no more; return when its alert was raised that this resolves, if there is one."""
+    def end(self, rule: AnyRule, place: SubjectKey, now_ns: int) -> int | None:
+        """Take that a condition holds no more; return when it was raised last, None if it did not hold."""
+        self._advance(now_ns)
         subject = self.subject(rule.name, place)
-        raised_ns = None if subject is None or subject.alert is None else subject.alert.raised_ns
-        self._find(rule, place, Finding(place[2], holds=False), self._now_ns)
+        raised_ns = subject.raised_ns if subject is not None and subject.holds else None
+        self._find(rule, place, Finding(place[2], holds=False), now_ns)
         return raised_ns
+
+    def note_raised(self, rule: AnyRule, place: SubjectKey, at_ns: int) -> None:
+        """Take that a rule with a cooldown was raised, for a condition that holds no more."""
+        subject = self._subjects.take(rule.name, place) if rule.cooldown_s > 0 else None
+        if subject is not None:
+            subject.raised_ns = max(at_ns, subject.raised_ns or 0)
 
     def concerns(self, key: CameraKey) -> bool:
         """Whether any rule is about a camera."""

@@ -14,7 +14,7 @@ from schemas.alerts import AlertState
 from services.monitor.inventory.sighting import NS, Change, ChangeKind
 from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.findings import found_in
-from services.monitor.rules.model import AnyRule
+from services.monitor.rules.model import AnyRule, opening_ns
 from services.monitor.rules.subjects import Effect, SubjectKey, linked, local_time, new_alert
 
 MAX_BEGUN: Final = 100_000
@@ -42,68 +42,63 @@ class MissedConditions:
         self._new_id = new_id
         self._page = page
         self._begun: dict[tuple[str, SubjectKey], _Begun] = {}
-        self._raised_ns: dict[tuple[str, SubjectKey], int] = {}
 
     def clear(self) -> None:
         """Forget all of them."""
         self._begun.clear()
-        self._raised_ns.clear()
 
     def forget(self, cameras: Collection[tuple[str, str]]) -> None:
         """Forget robots' cameras."""
-        for of in (self._begun, self._raised_ns):
-            for key in [key for key in of if key[1][:2] in cameras]:
-                del of[key]
+        for key in [key for key in self._begun if key[1][:2] in cameras]:
+            del self._begun[key]
 
     def take(self, change: Change, engine: RuleEngine, now_ns: int, *, late: bool) -> Iterator[Effect]:
         """Take a change that the engine is not told of yet; yield what becomes of the alerts of passed conditions.
 
-        late: it tells of a while ago. If so, or if what began is over too soon, the engine could not look in time, and
-        is told that it is over. Else it raised what was to be raised.
+        late: it tells of a while ago. If so, or if what began is over too soon, the engine could not look in time. Else
+        it raised what was to be raised.
         """
         of = change.sighting
         for rule in engine.rules_of(of.key):
             place = (of.key.robot, of.key.camera, of.name, "")
             key = (rule.name, place)
-            if change.kind is ChangeKind.LOST:
-                self._begun.pop(key, None)
-                continue
+            if change.kind is ChangeKind.LOST or change.first_look:
+                self._begun.pop(key, None)  # nobody looked meanwhile
             found = found_in(change, rule)
             if found is None:
                 continue
             if found.since_ns is not None:
-                self._begin(key, _Begun(found.since_ns, now_ns, found.text))
+                self._begin(key, _Begun(found.since_ns, now_ns, found.text), engine)
                 continue
             begun = self._begun.pop(key, None)
-            looked_ns = now_ns - round(rule.for_s * NS) - LOOK_NS
-            if found.until_ns is not None and (late or (begun is not None and begun.taken_ns > looked_ns)):
-                raised_ns = engine.end(rule, place)
-                if begun is not None and (raised_ns is None or raised_ns < begun.since_ns):
-                    yield from self._passed(rule, place, begun, found.until_ns, engine)
+            raised_ns = engine.end(rule, place, now_ns)
+            if begun is None or found.until_ns is None or (raised_ns is not None and raised_ns >= begun.since_ns):
+                continue
+            if late or begun.taken_ns > now_ns - round(rule.for_s * NS) - LOOK_NS:
+                yield from self._passed(rule, place, begun, found.until_ns, engine)
 
-    def _begin(self, key: tuple[str, SubjectKey], new: _Begun) -> None:
-        for of in (self._begun, self._raised_ns):
-            if key not in self._begun and len(of) >= MAX_BEGUN:
-                del of[next(iter(of))]
-        first = self._begun.get(key, new)
-        self._begun[key] = _Begun(first.since_ns, first.taken_ns, new.text)
+    def _begin(self, key: tuple[str, SubjectKey], new: _Begun, engine: RuleEngine) -> None:
+        first = self._begun.get(key)
+        if first is None:
+            if len(self._begun) >= MAX_BEGUN:
+                del self._begun[next(iter(self._begun))]
+            subject = engine.subject(*key)
+            known_ns = new.since_ns if subject is None or not subject.holds else subject.since_ns
+            first = new._replace(since_ns=min(new.since_ns, known_ns))
+        self._begun[key] = first._replace(text=new.text)
 
     def _passed(
         self, rule: AnyRule, place: SubjectKey, begun: _Begun, until_ns: int, engine: RuleEngine
     ) -> Iterator[Effect]:
         due_ns = begun.since_ns + round(rule.for_s * NS)
-        if rule.cooldown_s > 0:
-            due_ns = max(due_ns, self._cool_ns(rule, place, engine))
-        if due_ns > until_ns or not rule.applies_at(local_time(due_ns, engine.book.timezone)):
+        subject = engine.subject(rule.name, place)
+        if subject is not None and subject.raised_ns is not None:
+            due_ns = max(due_ns, subject.raised_ns + round(rule.cooldown_s * NS))
+        while due_ns <= until_ns and not rule.applies_at(local_time(due_ns, engine.book.timezone)):
+            due_ns = opening_ns(rule, due_ns)
+        if due_ns > until_ns:
             return
-        if rule.cooldown_s > 0:
-            self._raised_ns[rule.name, place] = due_ns
+        engine.note_raised(rule, place, due_ns)
         raised = linked(new_alert(self._new_id(), rule, place, begun.text, due_ns), self._page)
         over = replace(raised, state=AlertState.RESOLVED, changed_ns=max(until_ns, due_ns + 1))
         yield from (Effect(alert, rule, raised=False) for alert in (raised, over))
-
-    def _cool_ns(self, rule: AnyRule, place: SubjectKey, engine: RuleEngine) -> int:
-        """Return until when the last alert of a rule at a place keeps others back."""
-        subject = engine.subject(rule.name, place)
-        live_ns = 0 if subject is None else subject.raised_ns or 0
-        return max(live_ns, self._raised_ns.get((rule.name, place), 0)) + round(rule.cooldown_s * NS)

@@ -93,15 +93,55 @@ async def test_a_cooldown_holds_in_hindsight(tmp_path: Path) -> None:
 
 
 async def test_a_clock_that_is_set_back_keeps_nothing_back(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig.see()
     rig.alerting.lead((), since_ns=time.time_ns())
+    rig.see(box=1)
     hour_ns, now_ns = 3_600 * S, time.time_ns
     monkeypatch.setattr(time, "time_ns", lambda: now_ns() - hour_ns)
     rig.inventory.set_back(time.time_ns())
-    rig.see(ago_s=-1)
-    rig.see(ago_s=-2, pallet=1)
-    await asyncio.sleep(0.3)
-    rig.see(ago_s=-3, pallet=1, box=4)
+    rig.see(box=1, pallet=1)
     await until(lambda: rig.states() == [("came", RAISED)])
+
+
+async def test_what_an_operator_resolved_is_not_raised_again_when_it_is_over(rig: Rig) -> None:
+    rig.see()
+    rig.see(pallet=1)
+    await until(lambda: rig.states() == [("came", RAISED)])
+    rig.alerting.resolve(rig.kept[0].id)
+    await asyncio.sleep(1.2)
+    rig.see(ago_s=1.1)
+    rig.see(box=1, pallet=0)
+    await asyncio.sleep(0.5)
+    assert rig.states() == [("came", RAISED), ("came", RESOLVED)]
+
+
+async def test_an_alert_that_goes_on_over_a_restart_is_one_however_its_count_moved(rig: Rig) -> None:
+    rig.leads = False
+    await asyncio.sleep(0.3)
+    now_ns = time.time_ns()
+    rig.see(ago_s=40)
+    rig.see(ago_s=39, box=3)
+    rig.leads = True
+    before = msgspec.structs.replace(alert(id_="before"), rule="many", name="box", raised_ns=now_ns - 36 * S)
+    rig.alerting.lead([before], since_ns=now_ns - 30 * S)
+    rig.see(ago_s=20, box=5)
+    rig.see(ago_s=5, box=1)
+    await until(lambda: bool(rig.kept))
+    await asyncio.sleep(0.3)
+    assert [(each.id, each.state) for each in rig.kept] == [("before", RESOLVED)]
+
+
+async def test_after_one_in_hindsight_a_cooldown_holds_for_what_is_seen_now(tmp_path: Path) -> None:
+    text = "rules: [{name: came, when: appears, class: pallet, cooldown_s: 60}]"
+    async with rigged(tmp_path, text=text) as rig:
+        await asyncio.sleep(0.3)
+        rig.see(ago_s=20)
+        rig.see(ago_s=19, pallet=1)
+        rig.see(ago_s=10)
+        rig.see(pallet=1)
+        await until(lambda: len(rig.kept) == 2)
+        await asyncio.sleep(0.5)
+        assert rig.states() == [("came", RAISED), ("came", RESOLVED)]
 
 
 async def test_too_short_is_not_enough_in_hindsight_either(rig: Rig) -> None:

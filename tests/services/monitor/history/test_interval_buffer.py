@@ -152,6 +152,16 @@ def test_what_came_too_late_for_the_last_write_of_another_monitor_is_written() -
     assert told(buffer) == [(5, 6, False), (7, 7, False), (4, 6, False)], "the box as it is there; the cone is too old"
 
 
+def test_of_what_came_too_late_where_something_was_open_all_is_written() -> None:
+    buffer = IntervalBuffer()
+    for since_s, count in [(1, 3), (4, 4)]:
+        buffer.begin(box(since_s, count=count))
+    buffer.end(Interval, (FRONT, "box"), 6 * S)
+    opened = replace(box(1, count=3), until_ns=8 * S)
+    buffer.merge([opened], 8 * S, gap_ns=10 * S, followed=True, ended_of=Interval)
+    assert sorted(told(buffer)) == [(1, 4, False), (4, 6, False)]
+
+
 def test_a_follower_keeps_what_ended_since_whoever_leads_may_have_gone() -> None:
     buffer = IntervalBuffer()
     for second in (3, 5, 9):
