@@ -36,7 +36,6 @@ STREAMS: Final = (
     "tf",
     "tf_static",
 )
-ALONE: Final = "alone"
 STATUS: Final = b"x" * 2_000
 """Of the size of a status."""
 
@@ -47,9 +46,8 @@ SETTLING_S: Final = 10.0
 class Fleet:
     """The robots of this process."""
 
-    def __init__(self, router: str, first: int, *, alone: bool) -> None:
+    def __init__(self, router: str, first: int) -> None:
         self._router = router
-        self._listen = [] if alone else ["tcp/127.0.0.1:0"]
         self._first = first
         self._loop = asyncio.get_running_loop()
         self._lanes = Lanes()
@@ -70,7 +68,7 @@ class Fleet:
 
     def _come(self, robot: str) -> None:
         prefix = keys.robot_prefix(robot)
-        settings = BusSettings(connect=[self._router], listen=self._listen, shared_memory=False)
+        settings = BusSettings(connect=[self._router], listen=["tcp/127.0.0.1:0"], shared_memory=False)
         session = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings, prefix=prefix))))
         last: list[Callable[[], None]] = []
         tokens = OwnTokens(prefix, lambda _, call: last.append(call))
@@ -123,12 +121,12 @@ async def _answer(request: Request) -> Reply:
     return Reply(request.payload)
 
 
-async def run(router: str, first: int, *, alone: bool) -> None:
+async def run(router: str, first: int) -> None:
     """Obey until the standard input ends."""
-    fleet = Fleet(router, first, alone=alone)
+    fleet = Fleet(router, first)
     obey(fleet.obey)  # nothing is asked of these robots that would need the event loop
 
 
 if __name__ == "__main__":
-    asyncio.run(run(sys.argv[1], int(sys.argv[2]), alone=ALONE in sys.argv[3:]))
+    asyncio.run(run(sys.argv[1], int(sys.argv[2])))
     os._exit(0)  # closing all sessions one by one takes minutes

@@ -1,9 +1,8 @@
 """Bytes, time and memory that robots cost their router, with thousands of real sessions, in some five minutes.
 
-Every robot is a session of its own that declares what a gateway declares, and listens for services beside it, unless
---alone is given: then it declares together what it publishes. No images flow. A few processes have them all, the router
-is a process apart, and a client of it watches the whole fleet, as a monitor does. One more robot joins by way of a
-relay that counts what crosses it.
+Every robot is a session of its own that listens, as a gateway does, and declares what a gateway declares; no images
+flow. A few processes have them all, the router is a process apart, and a client of it watches the whole fleet, as a
+monitor does. One more robot joins by way of a relay that counts what crosses it.
 
     bytes_per_robot_joining  both ways, without signs of life, beside so many robots, the median of three;
                              joining_spread: the most over the least
@@ -24,7 +23,6 @@ from typing import Any, Final
 
 from benchmarks.arguments import at_least_one, parser_of, show
 from benchmarks.machine import machine, versions
-from benchmarks.peers.gateways import ALONE
 from benchmarks.scale.declarations import declarations
 from benchmarks.scale.fleet import Fleet, fleet
 from benchmarks.targets import at_most
@@ -44,7 +42,6 @@ def main() -> None:
     """Measure and print."""
     parser = parser_of("benchmarks.scale", __doc__)
     parser.add_argument("--robots", type=at_least_one, default=1_000, help="how many at last (default: 1000)")
-    parser.add_argument("--alone", action="store_true", help="robots to which no service beside them connects")
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
     show(asyncio.run(measure(arguments)), as_json=arguments.json)
@@ -54,9 +51,8 @@ async def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     """Have more and more robots."""
     load = os.getloadavg()[0]
     steps = sorted({each for each in (*JOINING, 500, 1_000) if each < arguments.robots} | {arguments.robots})
-    way = [ALONE] if arguments.alone else []
-    declared = await asyncio.to_thread(declarations, way)
-    async with fleet(way) as robots:
+    declared = await asyncio.to_thread(declarations)
+    async with fleet() as robots:
         curve = [await _step(robots, number, last=number == steps[-1]) for number in steps]
     joining = {str(each["robots"]): each["bytes_joining"] for each in curve if each["robots"] in JOINING}
     found = {
@@ -79,7 +75,6 @@ async def measure(arguments: argparse.Namespace) -> dict[str, Any]:
         },
         **found,
         "robots": arguments.robots,
-        "alone": arguments.alone,
         "curve": curve,
         "load_average": {"before": round(load, 1), "after": round(os.getloadavg()[0], 1)},
         "machine": machine(),

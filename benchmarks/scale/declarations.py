@@ -1,7 +1,7 @@
 """What a robot declares, as its router says."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Final
 
 import zenoh
@@ -21,14 +21,14 @@ TOKENS: Final = ("**", "**/@adv/**", "**/@alive/**")
 """Key expressions that match all tokens: `**` alone matches no chunk that begins with `@`."""
 
 
-def declarations(way: Sequence[str]) -> dict[str, int]:
-    """Return how many of each kind one robot has at a router of its own. way: see `benchmarks.peers.gateways`."""
+def declarations() -> dict[str, int]:
+    """Return how many of each kind one robot has at a router of its own."""
     endpoint = free_endpoint()
     settings = BusSettings(mode="router", listen=[endpoint], shared_memory=False)
     config = session_config(settings) | {"adminspace": {"enabled": True, "permissions": {"read": True}}}
     with (
         zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as router,
-        running(module("gateways", endpoint, "0", *way)) as peer,
+        running(module("gateways", endpoint, "0")) as peer,
     ):
         peer.tell("robots 1")
         peer.answer(ANSWER_S)

@@ -3,7 +3,7 @@
 import asyncio
 import itertools
 import time
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, ExitStack, asynccontextmanager
 from typing import Any, Final
 
@@ -30,12 +30,9 @@ TOKENS: Final = len(STREAMS) + 1
 
 
 class Fleet:
-    """Robots at one router, seen by a client. way: how they are, see `benchmarks.peers.gateways`."""
+    """Robots at one router, seen by a client."""
 
-    def __init__(
-        self, endpoint: str, stack: AsyncExitStack, bus: Bus, peers: list[Process], way: Sequence[str]
-    ) -> None:
-        self._way = way
+    def __init__(self, endpoint: str, stack: AsyncExitStack, bus: Bus, peers: list[Process]) -> None:
         self._endpoint = endpoint
         self._stack = stack
         self._peers = peers
@@ -90,7 +87,7 @@ class Fleet:
         """Have one more robot join and go again; return the bytes that crossed its link both ways."""
         with LinkMeter(int(self._endpoint.rpartition(":")[2])) as meter, ExitStack() as stack:
             first = 1_000_000 + next(self._joined)
-            peer = stack.enter_context(running(module("gateways", meter.endpoint, str(first), *self._way)))
+            peer = stack.enter_context(running(module("gateways", meter.endpoint, str(first))))
             await asyncio.to_thread(_ask, peer, "robots 1")
             await self._until(lambda: keys.robot_alive(f"r{first}") in self._present)
             await asyncio.sleep(QUIET_S)
@@ -139,15 +136,15 @@ def _ask(peer: Process, what: str) -> dict[str, Any]:
 
 
 @asynccontextmanager
-async def fleet(way: Sequence[str] = ()) -> AsyncIterator[Fleet]:
-    """Set everything up, without robots. way: see `Fleet`."""
+async def fleet() -> AsyncIterator[Fleet]:
+    """Set everything up, without robots."""
     endpoint = free_endpoint()
     first = [number * 100_000 for number in range(PROCESSES)]
     async with AsyncExitStack() as stack:
-        peers = [stack.enter_context(running(module("gateways", endpoint, str(number), *way))) for number in first]
+        peers = [stack.enter_context(running(module("gateways", endpoint, str(number)))) for number in first]
         bus = await stack.enter_async_context(open_bus(BusSettings(connect=[endpoint], shared_memory=False)))
         await stack.enter_async_context(bus.subscribe(keys.EVERY_GATEWAY_STATUS, QUEUE(1_000)))
-        made = Fleet(endpoint, stack, bus, peers, way)
+        made = Fleet(endpoint, stack, bus, peers)
         watch = await stack.enter_async_context(bus.watch("fleet/**"))
         watching = asyncio.create_task(made.watch(watch))
         stack.callback(watching.cancel)

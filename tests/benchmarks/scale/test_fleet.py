@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.peers.gateways import ALONE, STREAMS
+from benchmarks.peers.gateways import STREAMS
 from benchmarks.scale.declarations import declarations
 from benchmarks.scale.fleet import fleet
 
@@ -18,11 +18,9 @@ async def test_robots_come_one_more_joins_and_all_are_back_after_the_router_was_
     assert restart["restart_s"] > 0
 
 
-@pytest.mark.parametrize(("way", "publishers"), [([ALONE], 1), ([], 1 + len(STREAMS))])
-def test_what_a_robot_declares(way: list[str], publishers: int) -> None:
-    """One to which nobody connects declares together what it publishes."""
-    assert declarations(way) == {
-        "publishers": publishers,
+def test_a_robot_declares_one_publisher_for_each_stream_and_no_more() -> None:
+    assert declarations() == {
+        "publishers": 1 + len(STREAMS),
         "subscribers": 2,
         "queryables": 2,
         "tokens": 1,
