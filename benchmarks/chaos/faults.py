@@ -62,7 +62,7 @@ def nothing(_: System) -> None:
 class Fault:
     """One fault. hold_s: how long it lasts, from begin to end. lasts_s: how long its effects are looked at beyond that.
 
-    after: what is undone once its cost is known.
+    before: what it takes, of a fleet that is then well again. after: what is undone once its cost is known.
 
     images: whether a viewer at the centre wants the camera's images meanwhile.
     """
@@ -71,6 +71,7 @@ class Fault:
     begin: Act
     hold_s: float
     end: Act = nothing
+    before: Act = nothing
     after: Act = nothing
     role: str = ""
     needs: Needs = Needs.NOTHING
@@ -127,7 +128,7 @@ def _of_the_network() -> Iterator[Fault]:
     for name, conditions in poor.items():
         made = Fault(name, _link(**conditions), POOR_S, _link(), images=True)
         yield _needing(made, Needs.NETWORK)
-    roaming = Fault("roaming to another router", _roam, 0.0, after=_return, role=ROUTER)
+    roaming = Fault("roaming to another router", _roam, 0.0, before=_return, after=_return, role=ROUTER)
     yield _needing(roaming, Needs.NETWORK)
 
 

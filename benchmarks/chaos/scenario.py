@@ -75,6 +75,7 @@ class Scenario:
         Raises:
             PeerError: the fleet is not well before, or a process ended that should not.
         """
+        fault.before(self._system)
         await self.calm()
         before = await self._moment()
         watching = [asyncio.create_task(self._observer.note_problems())]
