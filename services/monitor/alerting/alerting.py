@@ -79,7 +79,7 @@ class Alerting:
         self._engine: RuleEngine | None = None
         self._since_ns = self._taken_ns = 0
         self._waiting = deque[Change](maxlen=MAX_WAITING)
-        self._passed = MissedConditions(_new_id, page=page)
+        self._missed = MissedConditions(_new_id, page=page)
         self._effects: list[Effect] = []
         self._robots: set[str] = set()
         self._news = inventory.follow()
@@ -99,7 +99,7 @@ class Alerting:
         """Forget cameras that made room for others."""
         self._unsteady.difference_update(view.key for view in left)
         gone = {(view.key.robot, view.key.camera) for view in left}
-        self._passed.forget(gone)
+        self._missed.forget(gone)
         if self._engine is not None:
             self._engine.forget(gone)
 
@@ -151,7 +151,7 @@ class Alerting:
         self._taken_ns = now_ns
         if now_ns < before_ns:  # the clock was set back
             self._since_ns = 0
-            self._passed.clear()
+            self._missed.clear()
         for change in changes:
             camera = self._inventory.camera(change.sighting.key)
             if camera is None:
@@ -159,7 +159,7 @@ class Alerting:
             known_ns = self._known_ns(change)
             late = now_ns - known_ns >= late_ns
             if known_ns > self._since_ns:
-                self._effects += self._passed.take(change, engine, now_ns, late=late)
+                self._effects += self._missed.take(change, engine, now_ns, late=late)
             if late:
                 self._look(engine, camera, now_ns)  # until it has caught up, nothing is raised as if it were now
             self._unsteady.add(camera.key)
@@ -226,7 +226,7 @@ class Alerting:
                 self._begin_anew()
             if not leads():
                 self._delivery.webhooks.clear()
-                self._passed.clear()
+                self._missed.clear()
                 self._effects.clear()
                 self._engine = None
             engine = self._engine
@@ -235,7 +235,7 @@ class Alerting:
             if engine.book is not self._rules.book:
                 engine.replace(self._rules.book, time.time_ns())
                 self._delivery.webhooks.keep(self._rules.book.webhooks)
-                self._passed.clear()
+                self._missed.clear()
                 self._look_at_all = True
             if time.monotonic() >= max(self._settled_s, 0 if turned else swept_s + SWEEP_S):
                 swept_s = time.monotonic()
@@ -244,8 +244,8 @@ class Alerting:
             if self._conditions is not None and time.monotonic() >= world_s + WORLD_S:
                 world_s = time.monotonic()
                 await self._look_at_sites(engine, self._conditions)
-            passed, self._effects = self._effects, []
-            for effect in [*passed, *engine.due(time.time_ns())]:
+            missed, self._effects = self._effects, []
+            for effect in [*missed, *engine.due(time.time_ns())]:
                 keep(effect.alert)
                 self._delivery.send(effect, engine.book)
 

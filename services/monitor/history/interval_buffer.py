@@ -107,7 +107,6 @@ class IntervalBuffer:
                 ours[at].append(each)
         merged: list[StoredInterval] = []
         going_on: list[StoredInterval] = []
-        until_ns = {_at(old): old.until_ns for old in sorted(stored, key=_until)}
         for old in stored:
             here = ours[_at(old)]
             same = _going_on(old, here, heartbeat_ns, gap_ns)
@@ -125,15 +124,18 @@ class IntervalBuffer:
             elif old.open:
                 ends_ns = [max(old.until_ns, heartbeat_ns), *(of.since_ns for of in here if of.since_ns > old.since_ns)]
                 merged.append(replace(old, until_ns=min(ends_ns), open=False))
-        until_ns |= {_at(each): each.until_ns - SAME_NS for each in going_on if not each.open}
         if followed:
-            since_ns = heartbeat_ns - gap_ns
+            until_ns = {_at(old): old.until_ns for old in sorted(stored, key=_until)}
+            until_ns |= {_at(each): each.until_ns - SAME_NS for each in going_on if not each.open}
             self._pending = {
                 key: each
                 for key, each in self._pending.items()
                 if each.open
                 or each.until_ns > heartbeat_ns
-                or (isinstance(each, ended_of or ()) and _is_unwritten(each, until_ns.get(key[0]), since_ns))
+                or (
+                    isinstance(each, ended_of or ())
+                    and _is_unwritten(each, until_ns.get(key[0]), heartbeat_ns - gap_ns)
+                )
             }
         self.note(merged)
         self.note(self._open.values())

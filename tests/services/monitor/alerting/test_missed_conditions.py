@@ -31,6 +31,19 @@ async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
         yield made
 
 
+async def stand_by(rig: Rig) -> int:
+    """Leave the lead to another monitor; return the time from then on, epoch nanoseconds."""
+    rig.leads = False
+    await asyncio.sleep(0.3)
+    return time.time_ns()
+
+
+def take_over(rig: Rig, since_ns: int, *theirs: Alert) -> None:
+    """Lead again. since_ns: when the other monitor wrote last. theirs: its open alerts."""
+    rig.leads = True
+    rig.alerting.lead(theirs, since_ns=since_ns)
+
+
 async def test_what_late_lists_tell_to_have_passed_is_raised_and_resolved_with_its_own_times(rig: Rig) -> None:
     now_ns = time.time_ns()
     rig.see(ago_s=20)
@@ -59,18 +72,15 @@ async def test_no_robot_acts_on_what_has_passed(rig: Rig) -> None:
 
 
 async def test_what_the_other_monitor_raised_is_over_when_it_comes_again(rig: Rig) -> None:
-    rig.leads = False
-    await asyncio.sleep(0.3)
-    now_ns = time.time_ns()
+    now_ns = await stand_by(rig)
     rig.see(ago_s=20)
     rig.see(ago_s=18, box=3)
     rig.see(ago_s=8, box=1)
     rig.see(ago_s=7, box=4)
     rig.see(ago_s=2, box=1)
-    rig.leads = True
     raised_ns = now_ns - 15 * S
     theirs = msgspec.structs.replace(alert(id_="theirs"), rule="many", name="box", raised_ns=raised_ns)
-    rig.alerting.lead([theirs], since_ns=now_ns - 10 * S)
+    take_over(rig, now_ns - 10 * S, theirs)
     await until(lambda: len(rig.kept) == 3)
     await asyncio.sleep(0.3)
     assert sorted(rig.states()) == [("many", RAISED), ("many", RESOLVED), ("many", RESOLVED)]
@@ -116,14 +126,11 @@ async def test_what_an_operator_resolved_is_not_raised_again_when_it_is_over(rig
 
 
 async def test_an_alert_that_goes_on_over_a_restart_is_one_however_its_count_moved(rig: Rig) -> None:
-    rig.leads = False
-    await asyncio.sleep(0.3)
-    now_ns = time.time_ns()
+    now_ns = await stand_by(rig)
     rig.see(ago_s=40)
     rig.see(ago_s=39, box=3)
-    rig.leads = True
     before = msgspec.structs.replace(alert(id_="before"), rule="many", name="box", raised_ns=now_ns - 36 * S)
-    rig.alerting.lead([before], since_ns=now_ns - 30 * S)
+    take_over(rig, now_ns - 30 * S, before)
     rig.see(ago_s=20, box=5)
     rig.see(ago_s=5, box=1)
     await until(lambda: bool(rig.kept))
@@ -171,30 +178,24 @@ async def test_what_still_holds_is_raised_and_stays(rig: Rig) -> None:
 
 
 async def test_what_passed_before_the_other_monitor_wrote_last_is_its_own(rig: Rig) -> None:
-    rig.leads = False
-    await asyncio.sleep(0.3)
-    now_ns = time.time_ns()
+    now_ns = await stand_by(rig)
     rig.see(ago_s=20)
     rig.see(ago_s=18, pallet=1)
     rig.see(ago_s=16)
     rig.see(ago_s=8, pallet=2)
     rig.see(ago_s=6)
-    rig.leads = True
-    rig.alerting.lead((), since_ns=now_ns - 10 * S)
+    take_over(rig, now_ns - 10 * S)
     await until(lambda: rig.states() == [("came", RAISED), ("came", RESOLVED)])
     assert rig.kept[0].raised_ns == pytest.approx(now_ns - 8 * S, abs=S)
 
 
 async def test_what_the_other_monitor_raised_is_resolved_once(rig: Rig) -> None:
-    rig.leads = False
-    await asyncio.sleep(0.3)
-    now_ns = time.time_ns()
+    now_ns = await stand_by(rig)
     rig.see(ago_s=20)
     rig.see(ago_s=18, pallet=1)
     rig.see(ago_s=8)
-    rig.leads = True
     theirs = msgspec.structs.replace(alert(id_="theirs", robot="r1"), rule="came", name="pallet")
-    rig.alerting.lead([theirs], since_ns=now_ns - 10 * S)
+    take_over(rig, now_ns - 10 * S, theirs)
     await until(lambda: bool(rig.kept))
     await asyncio.sleep(0.3)
     assert [(each.id, each.state) for each in rig.kept] == [("theirs", RESOLVED)]
