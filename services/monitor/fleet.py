@@ -133,7 +133,7 @@ class Fleet:
             self._changed.discard(view.key)
             self.rivals.forget(view.key)
             self._note_in_time(view.key)
-            if not self.inventory.room.of(view.key.robot) and not self.inventory.is_alive(view.key.robot):
+            if not self.inventory.member_limit.of(view.key.robot) and not self.inventory.is_alive(view.key.robot):
                 self.places.forget(view.key.robot)
 
     def robot_presence(self, robot: str, *, alive: bool) -> None:
@@ -151,7 +151,7 @@ class Fleet:
     def gateway_status(self, status: GatewayStatus, received_ns: int, size: int = 0) -> None:
         """Keep the newest status of a gateway, received at `received_ns` (epoch). size: its bytes (`StatusBytes`)."""
         if status.robot not in self.gateways and len(self.gateways) >= MAX_MEMBERS:
-            held = {robot for robot, _ in self.inventory.room.held()} | self.inventory.robots()
+            held = {robot for robot, _ in self.inventory.member_limit.held()} | self.inventory.robots()
             for robot in first_leaving(self.heard_ns, held.__contains__):
                 self._forget_gateway(robot)
         for robot in self._gateway_bytes.take(status.robot, size):

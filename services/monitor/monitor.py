@@ -191,7 +191,7 @@ class Monitor:
         )
         own = [problem for problem in (*found, self.centre.problem) if problem]
         own += [*self.fleet.world.problems(), *self.fleet.warehouses.problems(time.time_ns())]
-        return [*own, *self._rivals(), *self.fleet.inventory.room.problems(), *self.alerting.problems()]
+        return [*own, *self._rivals(), *self.fleet.inventory.member_limit.problems(), *self.alerting.problems()]
 
     def _rivals(self) -> Iterator[str]:
         """Yield lines about the first names that several speak under."""

@@ -89,7 +89,7 @@ class Alerting:
         self._unsteady: set[CameraKey] = set()
         self._delivery = Delivery(robot_ns)
         inventory.on_leave(self._leave)
-        inventory.room.held = self._held
+        inventory.member_limit.held = self._held
 
     def _held(self) -> set[tuple[str, str]]:
         """Return the robots, and cameras, with open alerts."""

@@ -76,7 +76,7 @@ class Inventory:
         self._cameras: dict[CameraKey, CameraView] = {}
         self._in_order: list[CameraKey] = []
         self._alive: set[str] = set()
-        self.room = MemberLimit()
+        self.member_limit = MemberLimit()
         self._class_room = ClassRoom()
         self._added = 0
         self._on_leave: list[WeakMethod[OnLeave]] = []
@@ -128,7 +128,7 @@ class Inventory:
     def camera_presence(self, key: CameraKey, *, alive: bool) -> None:
         """Note that a camera came or went. One that went is remembered."""
         self._camera(key, announced=True)
-        self.room.note(key, alive=alive)
+        self.member_limit.note(key, alive=alive)
         for news in self._followers:
             news.cameras.add(key)
 
@@ -151,7 +151,7 @@ class Inventory:
         changes = camera.see(seen, max(1, at_ns), of.debounce, of.stale_ns, of.lost_ns)
         if len(camera.views) > 1:
             self._disputed.add(camera.key)
-        self.room.heard(camera.key)
+        self.member_limit.heard(camera.key)
         if self._gave_up and changes is not None:
             changes = [*self._take_given_up(), *changes]
         return changes
@@ -170,7 +170,7 @@ class Inventory:
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a duplicate or late."""
         camera = self._camera(camera_key(distances.header.robot, distances.header.camera))
-        self.room.heard(camera.key)
+        self.member_limit.heard(camera.key)
         return camera.measure(distances, at_ns)
 
     def tick(self, now_ns: int) -> list[Change]:
@@ -181,8 +181,8 @@ class Inventory:
         fresh_ns, since_ns = now_ns - self.limits.stale_ns, now_ns - self.limits.lost_ns
         self._disputed = {key for key in self._disputed if self._cameras[key].contested(fresh_ns)}
         self._recount_classes()
-        self.room.tick(now_ns)
-        self._leave(self.room.leaving_when_settled())
+        self.member_limit.tick(now_ns)
+        self._leave(self.member_limit.leaving_when_settled())
         silent = [each for each in self._cameras.values() if each.is_forsaken(since_ns)]
         return [*self._take_given_up(), *(change for camera in silent for change in camera.lose())]
 
@@ -191,8 +191,8 @@ class Inventory:
         if self._class_room.bytes > MAX_CLASS_BYTES // 2:
             views = (chain(each.views.values(), each.opinions.values()) for each in self._cameras.values())
             self._class_room.recount(chain.from_iterable(views))
-        if self._class_room.bytes > MAX_CLASS_BYTES * 3 // 4 and self.room.settled:
-            self._leave(self.room.leaving_for_classes())
+        if self._class_room.bytes > MAX_CLASS_BYTES * 3 // 4 and self.member_limit.settled:
+            self._leave(self.member_limit.leaving_for_classes())
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now: the clock was set back."""
@@ -207,12 +207,12 @@ class Inventory:
         newest_first = sorted(sightings, key=_newness, reverse=True)
         for sighting in newest_first:
             if sighting.key in self._cameras or (
-                len(self._cameras) < MAX_MEMBERS and self.room.of(sighting.key.robot) < MAX_ROBOT_CAMERAS
+                len(self._cameras) < MAX_MEMBERS and self.member_limit.of(sighting.key.robot) < MAX_ROBOT_CAMERAS
             ):
                 self._camera(sighting.key, announced=True).restore(sighting)
         for sighting in sorted(newest_first, key=attrgetter("last_ns")):
             if sighting.key in self._cameras:
-                self.room.note(sighting.key, alive=False)
+                self.member_limit.note(sighting.key, alive=False)
 
     def recall(self, there: Mapping[tuple[str, str], int], since_ns: int) -> None:
         """Take stored times until which robots, and cameras (else ''), were present, before anything else is taken.
@@ -230,7 +230,7 @@ class Inventory:
                 self._camera(CameraKey(robot, camera), announced=True)
         for (robot, camera), _ in reversed(newest_first):
             if camera and (key := CameraKey(robot, camera)) in self._cameras:
-                self.room.note(key, alive=False)
+                self.member_limit.note(key, alive=False)
 
     def recalled(self) -> Mapping[str, int]:
         """Return the robots that were present before this monitor started, and until when."""
@@ -272,7 +272,7 @@ class Inventory:
 
     def online(self, key: CameraKey) -> bool:
         """Whether a camera and its robot's gateway are online."""
-        return key in self.room.present and key.robot in self._alive
+        return key in self.member_limit.present and key.robot in self._alive
 
     def is_available(self, camera: CameraView, now_ns: int) -> bool:
         """Whether a camera's view is current."""
@@ -295,10 +295,10 @@ class Inventory:
     def _camera(self, key: CameraKey, *, announced: bool = False) -> CameraView:
         found = self._cameras.get(key)
         if found is None:
-            self._leave(self.room.leaving(key, announced=announced))
+            self._leave(self.member_limit.leaving(key, announced=announced))
             self._added += 1
             found = self._cameras[key] = CameraView(key, self._vocabularies, self._added, self._class_room)
-            self.room.add(key)
+            self.member_limit.add(key)
             if key.robot not in self._forgotten:
                 insort(self._in_order, key)
             for news in self._followers:
@@ -311,7 +311,7 @@ class Inventory:
             return
         left = [self._cameras.pop(key) for key in keys]
         for view in left:
-            self.room.remove(view.key)
+            self.member_limit.remove(view.key)
             self._disputed.discard(view.key)
             if not view.lost:
                 self._gave_up += view.lose()

@@ -60,10 +60,10 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     yield GaugeMetricFamily("fleetsight_robots", "Robots ever heard of and not forgotten.", len(snapshot.robots))
     yield GaugeMetricFamily("fleetsight_robots_online", "Robots online.", sum(each.online for each in snapshot.robots))
     yield GaugeMetricFamily("fleetsight_cameras", "Cameras of these robots.", len(snapshot.cameras))
-    room = monitor.fleet.inventory.room
+    limit = monitor.fleet.inventory.member_limit
     yield GaugeMetricFamily("fleetsight_cameras_limit", "Maximum number of cameras followed.", MAX_MEMBERS)
     yield CounterMetricFamily(
-        "fleetsight_cameras_made_room", "Absent cameras forgotten, as there were more names than the limit.", room.made
+        "fleetsight_cameras_made_room", "Absent cameras forgotten, as there were more names than the limit.", limit.made
     )
     yield GaugeMetricFamily(
         "fleetsight_unlabelled", "Robots, cameras and workers over the limit, without series.", _over(snapshot)

@@ -84,7 +84,7 @@ def test_invented_names_take_nobodys_place_and_leave_room_for_the_next_robot(how
     assert len(fleet.gateways) <= MOST
     assert len(list(fleet.rows(0))) == len(inventory.in_order()) == len(inventory.cameras()) <= MOST
     assert fleet.lists_per_robot().total() <= MOST + 2
-    assert bool(inventory.room.made) == (how != "statuses")
+    assert bool(inventory.member_limit.made) == (how != "statuses")
 
 
 def test_as_many_as_there_may_be_are_followed_and_500_more_make_room_among_themselves(
@@ -114,7 +114,7 @@ def test_names_that_only_messages_claim_leave_before_a_robot_that_is_off() -> No
 
 def test_a_camera_with_an_open_alert_stays_and_what_left_is_given_up() -> None:
     inventory = Inventory()
-    inventory.room.held = lambda: {("x0", "front")}
+    inventory.member_limit.held = lambda: {("x0", "front")}
     changes = []
     for number in range(INVENTED):
         for seq in range(6):
@@ -123,7 +123,7 @@ def test_a_camera_with_an_open_alert_stays_and_what_left_is_given_up() -> None:
     assert inventory.camera(invented(1)) is None
     changes += inventory.tick(9 * S)
     gone = {change.sighting.key for change in changes if change.kind is ChangeKind.LOST}
-    assert len(gone) == inventory.room.made == INVENTED - len(inventory.cameras())
+    assert len(gone) == inventory.member_limit.made == INVENTED - len(inventory.cameras())
     assert invented(1) in gone
 
 
@@ -134,10 +134,10 @@ def test_where_all_are_present_a_further_name_is_left_out_and_that_is_a_problem(
     with pytest.raises(InventoryFullError, match="2,000 cameras are followed"):
         inventory.see(seen(1, {}), S)
     inventory.tick(S)
-    (problem,) = inventory.room.problems()
+    (problem,) = inventory.member_limit.problems()
     assert "all are present or have open alerts" in problem
     inventory.tick(S + SHOWN_NS)
-    assert inventory.room.problems() == []
+    assert inventory.member_limit.problems() == []
     inventory.camera_presence(invented(7), alive=False)
     assert inventory.see(seen(1, {}), S) is not None
     assert inventory.camera(invented(7)) is None
@@ -202,7 +202,7 @@ def test_the_classes_of_all_cameras_take_no_more_memory_than_they_may(monkeypatc
     names = [name for view in inventory.cameras() for each in view.views.values() for name in each.classes]
     assert sum(map(bytes_of, names)) <= most + bytes_of(names[-1])
     inventory.tick(2 * S)
-    assert "classes of all cameras" in inventory.room.problems()[0]
+    assert "classes of all cameras" in inventory.member_limit.problems()[0]
     inventory.see(seen(1, {"box": 1, "pallet": 1}), 2 * S)
     inventory.tick(3 * S)
     inventory.see(seen(2, {"box": 1, "pallet": 1}), 3 * S)
