@@ -1,7 +1,9 @@
-"""Robots' gateways as their router sees them. Arguments: router, number of the first robot.
+"""Robots' gateways as their router sees them. Arguments: router, number of the first robot, `alone` or `beside`.
 
-Each is a Zenoh session of its own that listens as a gateway does. It declares what a gateway of one camera with depth
-and points, a lidar and transforms declares, and sends one status; no images flow, and nothing of ROS is there.
+Each is a Zenoh session of its own. It declares what a gateway of one camera with depth and points, a lidar and
+transforms declares, one to which services beside the robot connect or one without, and sends one status; no images
+flow, and nothing of ROS is there. All of them listen, since Zenoh then makes a lost link again by itself: that a
+gateway without services opens a new session instead costs a processor of its own, of which a thousand are not here.
 
 Obeys `robots N`: from then on there are so many. Says how many there are, and how many have a link.
 """
@@ -12,7 +14,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import zenoh
 
@@ -46,9 +48,10 @@ SETTLING_S: Final = 10.0
 class Fleet:
     """The robots of this process."""
 
-    def __init__(self, router: str, first: int) -> None:
-        self._router = router
+    def __init__(self, router: str, first: int, kind: str) -> None:
+        self._settings = BusSettings(connect=[router], listen=["tcp/127.0.0.1:0"], shared_memory=False)
         self._first = first
+        self._kind = kind
         self._loop = asyncio.get_running_loop()
         self._lanes = Lanes()
         self._sessions: list[zenoh.Session] = []
@@ -68,8 +71,7 @@ class Fleet:
 
     def _come(self, robot: str) -> None:
         prefix = keys.robot_prefix(robot)
-        settings = BusSettings(connect=[self._router], listen=["tcp/127.0.0.1:0"], shared_memory=False)
-        session = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(settings, prefix=prefix))))
+        session = zenoh.open(zenoh.Config.from_json5(json.dumps(self._config(prefix))))
         last: list[Callable[[], None]] = []
         tokens = OwnTokens(prefix, lambda _, call: last.append(call))
         caches = CacheServer(prefix, tokens)
@@ -93,6 +95,13 @@ class Fleet:
             for _ in session.liveliness().get("nobody", timeout=SETTLING_S):
                 pass
         self._sessions.append(session)
+
+    def _config(self, prefix: str) -> dict[str, Any]:
+        config = session_config(self._settings, prefix=prefix)
+        if self._kind == "beside":
+            return config
+        alone = session_config(self._settings.model_copy(update={"listen": []}), prefix=prefix)
+        return config | {"aggregation": alone["aggregation"]}
 
     def _requests(self, robot: str) -> Iterator[Declaration]:
         for answered in (keys.robot_clock(robot), keys.every_service(robot)):
@@ -121,12 +130,12 @@ async def _answer(request: Request) -> Reply:
     return Reply(request.payload)
 
 
-async def run(router: str, first: int) -> None:
+async def run(router: str, first: int, kind: str) -> None:
     """Obey until the standard input ends."""
-    fleet = Fleet(router, first)
+    fleet = Fleet(router, first, kind)
     obey(fleet.obey)  # nothing is asked of these robots that would need the event loop
 
 
 if __name__ == "__main__":
-    asyncio.run(run(sys.argv[1], int(sys.argv[2])))
+    asyncio.run(run(sys.argv[1], int(sys.argv[2]), sys.argv[3]))
     os._exit(0)  # closing all sessions one by one takes minutes

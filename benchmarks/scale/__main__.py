@@ -1,8 +1,9 @@
 """Bytes, time and memory that robots cost their router, with thousands of real sessions, in some five minutes.
 
-Every robot is a session of its own that listens, as a gateway does, and declares what a gateway declares; no images
-flow. A few processes have them all, the router is a process apart, and a client of it watches the whole fleet, as a
-monitor does. One more robot joins by way of a relay that counts what crosses it.
+Every robot is a session of its own and declares what a gateway declares; no images flow. A few processes have them
+all, the router is a process apart, and a client of it watches the whole fleet, as a monitor does. One more robot joins
+by way of a relay that counts what crosses it. `beside` has the same of robots to which services beside them connect,
+which declare every stream by itself.
 
     bytes_per_robot_joining  both ways, without signs of life, beside so many robots, the median of three;
                              joining_spread: the most over the least
@@ -24,7 +25,7 @@ from typing import Any, Final
 from benchmarks.arguments import at_least_one, parser_of, show
 from benchmarks.machine import machine, versions
 from benchmarks.scale.declarations import declarations
-from benchmarks.scale.fleet import Fleet, fleet
+from benchmarks.scale.fleet import Fleet, Kind, fleet
 from benchmarks.targets import at_most
 
 JOINING: Final = (10, 50, 200)
@@ -33,6 +34,9 @@ SPREAD: Final = 1.2
 RESTART_S: Final = 20
 RESTARTED: Final = (200, 1_000)
 """Robots with which the router is restarted, as it is with the most; restart_s is that one."""
+
+BESIDE: Final = 500
+"""Robots with services beside them, at most: with twice as many, links count as lost before all are back."""
 
 KB_PER_ROBOT: Final = 150
 DECLARATIONS: Final = 8
@@ -48,21 +52,9 @@ def main() -> None:
 
 
 async def measure(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Have more and more robots."""
+    """Have more and more robots, of one kind and then of the other."""
     load = os.getloadavg()[0]
-    steps = sorted({each for each in (*JOINING, 500, 1_000) if each < arguments.robots} | {arguments.robots})
-    declared = await asyncio.to_thread(declarations)
-    async with fleet() as robots:
-        curve = [await _step(robots, number, last=number == steps[-1]) for number in steps]
-    joining = {str(each["robots"]): each["bytes_joining"] for each in curve if each["robots"] in JOINING}
-    found = {
-        "bytes_per_robot_joining": joining,
-        "joining_spread": round(max(joining.values()) / min(joining.values()), 2) if joining else None,
-        "router_kb_per_robot": curve[-1]["router_kb_per_robot"],
-        "declarations_per_robot": sum(declared.values()),
-        "declarations": declared,
-        **{name: value for name, value in curve[-1].items() if name.startswith("restart_")},
-    }
+    found = await _kind("alone", arguments.robots)
     limits = {
         "joining_spread": SPREAD,
         "restart_s": RESTART_S,
@@ -74,11 +66,28 @@ async def measure(arguments: argparse.Namespace) -> dict[str, Any]:
             name: target for each, most in limits.items() for name, target in at_most(found, each, most).items()
         },
         **found,
-        "robots": arguments.robots,
-        "curve": curve,
+        "beside": await _kind("beside", min(arguments.robots, BESIDE)),
         "load_average": {"before": round(load, 1), "after": round(os.getloadavg()[0], 1)},
         "machine": machine(),
         "versions": versions(["eclipse-zenoh", "msgspec"]),
+    }
+
+
+async def _kind(kind: Kind, most: int) -> dict[str, Any]:
+    steps = sorted({each for each in (*JOINING, 500, 1_000) if each < most} | {most})
+    declared = await asyncio.to_thread(declarations, kind)
+    async with fleet(kind) as robots:
+        curve = [await _step(robots, number, last=number == steps[-1]) for number in steps]
+    joining = {str(each["robots"]): each["bytes_joining"] for each in curve if each["robots"] in JOINING}
+    return {
+        "bytes_per_robot_joining": joining,
+        "joining_spread": round(max(joining.values()) / min(joining.values()), 2) if joining else None,
+        "router_kb_per_robot": curve[-1]["router_kb_per_robot"],
+        "declarations_per_robot": sum(declared.values()),
+        "declarations": declared,
+        **{name: value for name, value in curve[-1].items() if name.startswith("restart_")},
+        "robots": most,
+        "curve": curve,
     }
 
 

@@ -8,6 +8,7 @@ import zenoh
 
 from benchmarks.gateway.flow import free_endpoint
 from benchmarks.gateway.processes import module, running
+from benchmarks.scale.fleet import Kind
 from bus import BusSettings
 from bus.session.config import session_config
 
@@ -21,14 +22,14 @@ TOKENS: Final = ("**", "**/@adv/**", "**/@alive/**")
 """Key expressions that match all tokens: `**` alone matches no chunk that begins with `@`."""
 
 
-def declarations() -> dict[str, int]:
+def declarations(kind: Kind) -> dict[str, int]:
     """Return how many of each kind one robot has at a router of its own."""
     endpoint = free_endpoint()
     settings = BusSettings(mode="router", listen=[endpoint], shared_memory=False)
     config = session_config(settings) | {"adminspace": {"enabled": True, "permissions": {"read": True}}}
     with (
         zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as router,
-        running(module("gateways", endpoint, "0")) as peer,
+        running(module("gateways", endpoint, "0", kind)) as peer,
     ):
         peer.tell("robots 1")
         peer.answer(ANSWER_S)

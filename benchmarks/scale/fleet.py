@@ -5,7 +5,7 @@ import itertools
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, ExitStack, asynccontextmanager
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from benchmarks.gateway.flow import free_endpoint
 from benchmarks.gateway.link_meter import LinkMeter
@@ -14,6 +14,9 @@ from benchmarks.peers.gateways import STREAMS
 from benchmarks.progress import note
 from bus import QUEUE, Bus, BusSettings, Watch, open_bus
 from schemas import keys
+
+Kind = Literal["alone", "beside"]
+"""Whether services beside a robot could connect to its gateway."""
 
 PROCESSES: Final = 5
 DOWN_S: Final = 3.0
@@ -32,8 +35,9 @@ TOKENS: Final = len(STREAMS) + 1
 class Fleet:
     """Robots at one router, seen by a client."""
 
-    def __init__(self, endpoint: str, stack: AsyncExitStack, bus: Bus, peers: list[Process]) -> None:
+    def __init__(self, endpoint: str, kind: Kind, stack: AsyncExitStack, bus: Bus, peers: list[Process]) -> None:
         self._endpoint = endpoint
+        self._kind = kind
         self._stack = stack
         self._peers = peers
         self._bus = bus
@@ -87,7 +91,7 @@ class Fleet:
         """Have one more robot join and go again; return the bytes that crossed its link both ways."""
         with LinkMeter(int(self._endpoint.rpartition(":")[2])) as meter, ExitStack() as stack:
             first = 1_000_000 + next(self._joined)
-            peer = stack.enter_context(running(module("gateways", meter.endpoint, str(first))))
+            peer = stack.enter_context(running(module("gateways", meter.endpoint, str(first), self._kind)))
             await asyncio.to_thread(_ask, peer, "robots 1")
             await self._until(lambda: keys.robot_alive(f"r{first}") in self._present)
             await asyncio.sleep(QUIET_S)
@@ -136,15 +140,15 @@ def _ask(peer: Process, what: str) -> dict[str, Any]:
 
 
 @asynccontextmanager
-async def fleet() -> AsyncIterator[Fleet]:
+async def fleet(kind: Kind) -> AsyncIterator[Fleet]:
     """Set everything up, without robots."""
     endpoint = free_endpoint()
     first = [number * 100_000 for number in range(PROCESSES)]
     async with AsyncExitStack() as stack:
-        peers = [stack.enter_context(running(module("gateways", endpoint, str(number)))) for number in first]
+        peers = [stack.enter_context(running(module("gateways", endpoint, str(number), kind))) for number in first]
         bus = await stack.enter_async_context(open_bus(BusSettings(connect=[endpoint], shared_memory=False)))
         await stack.enter_async_context(bus.subscribe(keys.EVERY_GATEWAY_STATUS, QUEUE(1_000)))
-        made = Fleet(endpoint, stack, bus, peers)
+        made = Fleet(endpoint, kind, stack, bus, peers)
         watch = await stack.enter_async_context(bus.watch("fleet/**"))
         watching = asyncio.create_task(made.watch(watch))
         stack.callback(watching.cancel)
