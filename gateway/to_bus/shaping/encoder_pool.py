@@ -1,4 +1,4 @@
-"""Scales and compresses frames off the event loop, one at a time."""
+"""Blackens, scales and compresses frames off the event loop, one at a time."""
 
 import asyncio
 from collections.abc import Callable, Hashable, Iterator
@@ -9,6 +9,7 @@ from typing import Protocol
 
 from bus.delivery.mailbox import PerKey
 from gateway.to_bus.shaping.compression import Frame, Method, compress
+from gateway.to_bus.shaping.privacy import Area, blackened
 from gateway.to_bus.shaping.scaling import scale_image
 from gateway.to_bus.shaping.uplink import Moment
 from schemas import codec
@@ -26,20 +27,26 @@ class Shaped:
 
 @dataclass(frozen=True, slots=True)
 class EncodeJob:
-    """A frame, the work to do on it, and the moment that it shares with frames of other streams."""
+    """A frame, the work to do on it, and the moment that it shares with frames of other streams.
+
+    private: areas of an image that are blackened.
+    """
 
     frame: Frame
     factor: int
     method: Method
     moment: Moment | None = None
+    private: tuple[Area, ...] = ()
 
     def do(self) -> Shaped:
         """Do the work; may take a while.
 
         Raises:
-            ShapingError: the frame cannot be scaled.
+            ShapingError: the frame cannot be blackened or scaled.
         """
         frame = self.frame
+        if self.private and isinstance(frame, ImageFrame):
+            frame = blackened(frame, self.private)
         if self.factor > 1 and isinstance(frame, ImageFrame):
             frame = scale_image(frame, self.factor)
         made, method = compress(frame, self.method)

@@ -1,4 +1,4 @@
-"""Settings of rates, scaling, compression and the uplink's budget."""
+"""Settings of rates, scaling, compression, private areas and the uplink's budget."""
 
 import math
 import re
@@ -9,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, TypeVar
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field
 
 from gateway.to_bus.shaping.compression import Method, parse_method
+from gateway.to_bus.shaping.privacy import Area, parse_area
 from gateway.to_bus.shaping.scaling import MAX_FACTOR
 from schemas.keys import ROS, Stream
 
@@ -80,9 +81,13 @@ def _fits_any(pattern: str, streams: Sequence[str]) -> bool:
 
 def _of(rules: Sequence[tuple[str, V]], name: str, otherwise: V) -> V:
     """Return the value of the last rule that matches the stream."""
-    camera_has = name.rpartition("/")[2] in FRAMES and not name.startswith(f"{ROS}/")
-    fitting = [value for pattern, value in rules if (fnmatchcase(name, pattern) if pattern else camera_has)]
+    fitting = _fitting(rules, name)
     return fitting[-1] if fitting else otherwise
+
+
+def _fitting(rules: Sequence[tuple[str, V]], name: str) -> list[V]:
+    camera_has = name.rpartition("/")[2] in FRAMES and not name.startswith(f"{ROS}/")
+    return [value for pattern, value in rules if (fnmatchcase(name, pattern) if pattern else camera_has)]
 
 
 def _checked(parse: Callable[[str], Any], streams: Sequence[str]) -> AfterValidator:
@@ -127,6 +132,16 @@ class ShapingSettings(BaseModel):
             " rest; what a format cannot hold without harm becomes zstd"
         ),
     ] = ["auto"]
+    privacy_mask: Annotated[
+        list[str],
+        BeforeValidator(_listed),
+        _checked(parse_area, IMAGES),
+        Field(
+            description="areas that are blackened in images before anything leaves the gateway, as STREAM=CORNERS, like"
+            " 'front/*=0:0 1:0 1:0.2 0:0.2': each corner is ACROSS:DOWN, shares of width and height from the left and"
+            " top. Several areas for one stream add up"
+        ),
+    ] = []
     uplink_mbit: Annotated[
         float | None,
         Field(
@@ -142,7 +157,12 @@ class ShapingSettings(BaseModel):
 
         Rules for every camera's streams also apply to future cameras, so they are not yielded.
         """
-        asked = {"--max-hz": self.max_hz, "--scale": self.scale, "--compression": self.compression}
+        asked = {
+            "--max-hz": self.max_hz,
+            "--scale": self.scale,
+            "--compression": self.compression,
+            "--privacy-mask": self.privacy_mask,
+        }
         for option, rules in asked.items():
             for pattern in (each.rpartition("=")[0].strip() for each in rules):
                 if pattern and not pattern.startswith("*/") and not any(fnmatchcase(name, pattern) for name in names):
@@ -159,3 +179,7 @@ class ShapingSettings(BaseModel):
     def method_of(self, name: str) -> Method:
         """Return the compression method of a stream's frames."""
         return _of(_rules(self.compression, parse_method, FRAMES), name, Method("auto"))
+
+    def private_areas_of(self, name: str) -> tuple[Area, ...]:
+        """Return the areas of a stream's images that are blackened."""
+        return tuple(_fitting(_rules(self.privacy_mask, parse_area, IMAGES), name))

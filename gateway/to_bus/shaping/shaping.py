@@ -12,7 +12,7 @@ from gateway.to_bus.shaping.compression import NONE
 from gateway.to_bus.shaping.consumers import Consumers
 from gateway.to_bus.shaping.encoder_pool import EncoderPool
 from gateway.to_bus.shaping.frame_rates import Instants, StreamRate
-from gateway.to_bus.shaping.settings import FRAMES, ShapingSettings
+from gateway.to_bus.shaping.settings import FRAMES, IMAGES, ShapingSettings
 from gateway.to_bus.shaping.stream_output import OutputPlan, StreamOutput
 from gateway.to_bus.shaping.uplink import Moment
 from gateway.to_bus.shaping.uplink_pacer import Pacer
@@ -87,6 +87,7 @@ class Shaping:
         return OutputPlan(
             factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(scaled_like.name),
             method=self._settings.method_of(key.name) if key.stream in FRAMES else NONE,
+            private=self._settings.private_areas_of(key.name) if key.stream in IMAGES else (),
             all_here=partial(self._consumers.all_here, key),
             droppable=kind_of(key).is_droppable,
             moment_of=self._moment_of(key),

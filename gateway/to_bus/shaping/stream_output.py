@@ -11,6 +11,7 @@ from bus import MAX_PAYLOAD_BYTES, Payload, Pieces, Publisher
 from gateway.to_bus.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.to_bus.shaping.encoder_pool import EncodeJob, EncoderPool, Shaped
 from gateway.to_bus.shaping.paced_queue import PacedQueue
+from gateway.to_bus.shaping.privacy import Area
 from gateway.to_bus.shaping.scaling import scale_info
 from gateway.to_bus.shaping.uplink import Moment
 from gateway.to_bus.shaping.uplink_pacer import Pacer
@@ -48,11 +49,13 @@ class OutputPlan:
     """The shaping of a stream.
 
     all_here: whether nobody elsewhere listens. droppable: whether its messages wait for the uplink's budget. moment_of:
-        what a frame with such a header shares with those of other streams, or None.
+        what a frame with such a header shares with those of other streams, or None. private: areas of its images that
+        nobody is to see.
     """
 
     factor: int = 1
     method: Method = NONE
+    private: tuple[Area, ...] = ()
     all_here: Callable[[], bool] = lambda: True
     droppable: bool = False
     moment_of: Callable[[Header], Moment | None] = lambda _: None
@@ -106,12 +109,15 @@ class StreamOutput:
         factor = self._plan.factor if isinstance(frame, ImageFrame) else 1
         method = self._plan.method_now()
         moment = None if self._pacer is None or may_be_last else self._plan.moment_of(frame.header)
-        as_it_is = method.format == RAW and factor == 1
+        private = self._plan.private
+        as_it_is = method.format == RAW and factor == 1 and not private
         if self._workshop is None or (as_it_is and not self._workshop.is_busy_for(self)):
             self._compression = frame.format
             self._pass_on(Pieces(*codec.encode_in_pieces(frame)), moment)
             return
-        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.bring(self, EncodeJob(frame, factor, method, moment))
+        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.bring(
+            self, EncodeJob(frame, factor, method, moment, private)
+        )
 
     def shaped(self, made: Shaped) -> None:
         """See `EncoderClient`."""
