@@ -1,5 +1,7 @@
-"""ImageFrame: one camera image, raw or compressed, with ROS's own pixel encoding names."""
+"""ImageFrame: one camera image, raw or compressed, with ROS's own pixel encoding names; and areas of images."""
 
+import math
+from itertools import pairwise
 from typing import Annotated, Final
 
 import msgspec
@@ -133,3 +135,48 @@ def check_picture(frame: ImageFrame) -> None:
         raise SchemaError(f"{frame.encoding} pixels, the file has {found.encoding}")
     if (frame.encoding == "32FC1") != (frame.inverse_depth is not None):
         raise SchemaError(f"{frame.encoding} pixels and inverse depth {frame.inverse_depth}")
+
+
+Corner = tuple[float, float]
+"""Shares of an image's width and height, from its left and top."""
+
+Area = tuple[Corner, ...]
+"""A polygon; its last corner is joined to the first."""
+
+LEAST_CORNERS: Final = 3
+MOST_CORNERS: Final = 64
+
+
+def parse_area(text: str) -> Area:
+    """Return the polygon for its text in settings, like `0:0 1:0 1:0.2 0:0.2`.
+
+    Raises:
+        ValueError: naming what can be written.
+    """
+    corners = tuple(_corner(word) for word in text.split())
+    if not LEAST_CORNERS <= len(corners) <= MOST_CORNERS:
+        raise ValueError(
+            f"{text!r} is not an area; use {LEAST_CORNERS} to {MOST_CORNERS} corners like 0:0 1:0 1:0.2, each"
+            " ACROSS:DOWN as shares of the image's width and height"
+        )
+    return corners
+
+
+def _corner(word: str) -> Corner:
+    across, _, down = word.partition(":")
+    try:
+        corner = float(across), float(down)
+    except ValueError:
+        corner = math.nan, math.nan
+    if not all(0 <= share <= 1 for share in corner):
+        raise ValueError(f"{word!r} is not a corner; use ACROSS:DOWN, each from 0 to 1, like 0.5:0.2")
+    return corner
+
+
+def is_inside(area: Area, across: float, down: float) -> bool:
+    """Return whether a point is inside: a ray to the left crosses the polygon's sides oddly often."""
+    inside = False
+    for (begin_x, begin_y), (end_x, end_y) in pairwise((*area, area[0])):
+        if (begin_y > down) != (end_y > down):
+            inside ^= across < begin_x + (down - begin_y) * (end_x - begin_x) / (end_y - begin_y)
+    return inside

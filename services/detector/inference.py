@@ -19,6 +19,7 @@ from services.detector.camera import CameraOutputs
 from services.detector.frame_counts import LATE, STALE, FrameCounts
 from services.detector.frame_queue import FrameQueue, QueuedFrame
 from services.detector.model import DetectedObjects, Model, Outcome, Request
+from services.detector.regions import Regions
 from services.detector.tracking.tracks import Tracking
 from services.detector.watchdog import watch
 
@@ -54,7 +55,8 @@ class Inference:
 
     tracking: follows objects while somebody wants their tracks. cameras: those looked after now. max_age_s: how old a
         frame may be when its turn comes, None for as long as one call takes and DEADLINE_SLACK_S, at least LEAST_AGE_S,
-        and as late as NETWORK_GRACE_S beside that while `keeps_up`: the model has time for all frames.
+        and as late as NETWORK_GRACE_S beside that while `keeps_up`: the model has time for all frames. regions: of
+        cameras' images, that objects are looked for in.
     """
 
     def __init__(
@@ -69,8 +71,10 @@ class Inference:
         max_age_s: float | None,
         keeps_up: Callable[[], bool],
         on_result: Callable[[CameraKey], None],
+        regions: Regions,
     ) -> None:
         self._model = model
+        self._regions = regions
         self._worker = worker
         self._board = board
         self._tracking = tracking
@@ -209,7 +213,7 @@ class Inference:
         self._done += 1
         if isinstance(outcome, DetectedObjects):
             account.done += 1
-            return outcome
+            return self._regions.within(sent.camera.key, sent.request.frame, outcome)
         account.dropped[outcome.reason] += 1
         why = f"{sent.camera.key}: {outcome.reason}, {type(outcome.error).__name__}"  # each of these is said once
         log.warning("%s: frame %d of gateway %s left out: %s", why, header.seq, header.boot_id, outcome.error)

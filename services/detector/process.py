@@ -25,6 +25,7 @@ from services.detector.frame_counts import REPLACED, SPARED, FrameCounts
 from services.detector.frame_queue import FrameQueue
 from services.detector.inference import Inference
 from services.detector.model import Model, ModelError
+from services.detector.regions import Regions
 from services.detector.requests import FINISH_S, Leaving, answering
 from services.detector.runtime.loading import load_all, tracking
 from services.detector.settings import DetectorSettings
@@ -43,8 +44,8 @@ PAINTERS: Final = 2
 class DetectorWorker:
     """Serves the cameras assigned to this worker.
 
-    tokens: what it says of itself, under the service of its role. tracking, max_age_s: see `Inference`. leaving: hears
-    when it leaves.
+    tokens: what it says of itself, under the service of its role. tracking, max_age_s, regions: see `Inference`.
+    leaving: hears when it leaves.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class DetectorWorker:
         max_age_s: float | None = None,
         join_s: float = JOIN_S,
         leaving: Leaving | None = None,
+        regions: Regions | None = None,
     ) -> None:
         self._bus = bus
         self._model = model
@@ -83,6 +85,7 @@ class DetectorWorker:
             max_age_s=max_age_s,
             keeps_up=lambda: self._pace.limit_hz is None,
             on_result=self._has_result,
+            regions=regions or Regions(()),
         )
         self._worker = Worker(
             bus, tokens, self._accounts, self._serve, details=self._details, join_s=join_s, leaves=self._leaving.begin
@@ -200,7 +203,14 @@ async def work(settings: DetectorSettings, model: Model) -> int:
             answering(bus, model, settings.worker, role, leaving, accept_settings=settings.accept_settings),
         ):
             worker = DetectorWorker(
-                bus, model, tokens, role=role, tracking=following, max_age_s=settings.max_age_s, leaving=leaving
+                bus,
+                model,
+                tokens,
+                role=role,
+                tracking=following,
+                max_age_s=settings.max_age_s,
+                leaving=leaving,
+                regions=Regions(settings.regions),
             )
             await worker.run()
     except* ModelError as failed:

@@ -11,6 +11,7 @@ from bus.settings import BusSettings
 from bus.sharing.settings import SharingSettings
 from schemas.header import MAX_LABEL
 from schemas.printing import printable
+from services.detector.regions import parse_region
 from services.detector.worker_role import OPINION
 
 LEAST_SIDE: Final = 32
@@ -65,6 +66,12 @@ def _name_confidence(text: str) -> str:
     return text
 
 
+def _region(text: str) -> str:
+    parse_region(text)
+    return text
+
+
+Region = Annotated[str, AfterValidator(_region)]
 NewName = Annotated[str, AfterValidator(_new_name)]
 NameConfidence = Annotated[str, AfterValidator(_name_confidence)]
 
@@ -170,6 +177,14 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
     detection_model: Annotated[
         str | None, Field(description="second model, for boxes; its objects get the masks of --model")
     ] = None
+    regions: Annotated[
+        list[Region],
+        Field(
+            description="regions of images that objects are looked for in, as ROBOT/CAMERA=CORNERS, like"
+            " 'r1/front=0:0.3 1:0.3 1:1 0:1' (* stands for anything): each corner is ACROSS:DOWN, shares of width and"
+            " height from the left and top. Several for one camera add up"
+        ),
+    ] = []
     accept_settings: Annotated[
         bool,
         Field(

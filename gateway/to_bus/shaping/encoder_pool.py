@@ -9,11 +9,11 @@ from typing import Protocol
 
 from bus.delivery.mailbox import PerKey
 from gateway.to_bus.shaping.compression import Frame, Method, compress
-from gateway.to_bus.shaping.privacy import Area, blackened
+from gateway.to_bus.shaping.privacy import blackened
 from gateway.to_bus.shaping.scaling import scale_image
 from gateway.to_bus.shaping.uplink import Moment
 from schemas import codec
-from schemas.image import ImageFrame
+from schemas.image import Area, ImageFrame
 
 
 @dataclass(frozen=True, slots=True)

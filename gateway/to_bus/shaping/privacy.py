@@ -15,16 +15,8 @@ from numpy.typing import NDArray
 
 from gateway.to_bus.shaping.scaling import ShapingError, pixels_of, with_pixels
 from schemas.compression import JPEG, RAW
-from schemas.image import BYTES_PER_PIXEL, ImageFrame
+from schemas.image import BYTES_PER_PIXEL, Area, ImageFrame
 
-Corner = tuple[float, float]
-"""Shares of an image's width and height, from its left and top."""
-
-Area = tuple[Corner, ...]
-"""A polygon; its last corner is joined to the first."""
-
-LEAST_CORNERS: Final = 3
-MOST_CORNERS: Final = 64
 STEPS_PER_PIXEL: Final = 2
 
 _BLACK: Final[dict[str, Any]] = {
@@ -36,32 +28,6 @@ _BLACK: Final[dict[str, Any]] = {
 """Black where it is not zeros; of depth, no reading."""
 
 _SPACES: Final = {"rgb8": "RGB", "mono8": "GRAY"}
-
-
-def parse_area(text: str) -> Area:
-    """Return the polygon for its text in the settings, like `0:0 1:0 1:0.2 0:0.2`.
-
-    Raises:
-        ValueError: naming what can be written.
-    """
-    corners = tuple(_corner(word) for word in text.split())
-    if not LEAST_CORNERS <= len(corners) <= MOST_CORNERS:
-        raise ValueError(
-            f"{text!r} is not an area; use {LEAST_CORNERS} to {MOST_CORNERS} corners like 0:0 1:0 1:0.2, each"
-            " ACROSS:DOWN as shares of the image's width and height"
-        )
-    return corners
-
-
-def _corner(word: str) -> Corner:
-    across, _, down = word.partition(":")
-    try:
-        corner = float(across), float(down)
-    except ValueError:
-        corner = np.nan, np.nan
-    if not all(0 <= share <= 1 for share in corner):
-        raise ValueError(f"{word!r} is not a corner; use ACROSS:DOWN, each from 0 to 1, like 0.5:0.2")
-    return corner
 
 
 def blackened(frame: ImageFrame, areas: tuple[Area, ...]) -> ImageFrame:

@@ -9,8 +9,8 @@ from typing import Annotated, Any, ClassVar, Final, TypeVar
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field
 
 from gateway.to_bus.shaping.compression import Method, parse_method
-from gateway.to_bus.shaping.privacy import Area, parse_area
 from gateway.to_bus.shaping.scaling import MAX_FACTOR
+from schemas.image import Area, parse_area
 from schemas.keys import ROS, Stream
 
 MOST_HZ: Final = 1_000.0

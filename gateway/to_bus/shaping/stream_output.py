@@ -11,7 +11,6 @@ from bus import MAX_PAYLOAD_BYTES, Payload, Pieces, Publisher
 from gateway.to_bus.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.to_bus.shaping.encoder_pool import EncodeJob, EncoderPool, Shaped
 from gateway.to_bus.shaping.paced_queue import PacedQueue
-from gateway.to_bus.shaping.privacy import Area
 from gateway.to_bus.shaping.scaling import scale_info
 from gateway.to_bus.shaping.uplink import Moment
 from gateway.to_bus.shaping.uplink_pacer import Pacer
@@ -19,7 +18,7 @@ from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.compression import RAW
 from schemas.header import Header
-from schemas.image import ImageFrame
+from schemas.image import Area, ImageFrame
 from schemas.keys import SensorKey, Stream
 from schemas.status import ENDED, OVER_BUDGET, REPLACED_BEFORE_SHAPING, TOO_LARGE, UNSHAPED
 

@@ -21,6 +21,7 @@ from services.detector.frame_counts import FAILED, LATE, MALFORMED, STALE, Frame
 from services.detector.frame_queue import FrameQueue, QueuedFrame
 from services.detector.inference import NETWORK_GRACE_S, Inference
 from services.detector.model import Failed, ModelError
+from services.detector.regions import Regions
 from services.detector.tracking.tracks import Tracking
 from services.toolbox.logs import RateLimit, RateLimitFilter
 from tests.schemas.frames import header, image
@@ -44,6 +45,7 @@ class Rig:
         *,
         tracking: Tracking | None = None,
         keeps_up: bool = True,
+        regions: Sequence[str] = (),
     ) -> None:
         self.model = model
         self.board = FrameQueue()
@@ -60,6 +62,7 @@ class Rig:
             max_age_s=max_age_s,
             keeps_up=lambda: keeps_up,
             on_result=self.told.append,
+            regions=Regions(regions),
         )
 
     @asynccontextmanager

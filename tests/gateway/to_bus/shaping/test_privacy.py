@@ -9,11 +9,11 @@ import pytest
 from bus.fake import FakeNetwork
 from gateway.to_bus.shaping.compression import LOSSY, NONE
 from gateway.to_bus.shaping.encoder_pool import EncodeJob
-from gateway.to_bus.shaping.privacy import blackened, parse_area
+from gateway.to_bus.shaping.privacy import blackened
 from gateway.to_bus.shaping.scaling import ShapingError, pixels_of
 from gateway.to_bus.shaping.settings import ShapingSettings
 from schemas import codec
-from schemas.image import ImageFrame
+from schemas.image import ImageFrame, parse_area
 from schemas.keys import sensor_key
 from schemas.status import UNSHAPED
 from tests.gateway.to_bus.shaping.frames import decoded, frame, picture

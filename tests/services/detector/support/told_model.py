@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Sequence
 
+from schemas.detections import Detection
 from schemas.tuning import Tuning
 from services.detector.frame_counts import FAILED
 from services.detector.model import DetectedObjects, Failed, ModelError, Outcome, Request
@@ -11,7 +12,7 @@ FATAL = 13
 
 
 class ToldModel:
-    """Answers each call when told to, or at once; fails on frames numbered FATAL."""
+    """Answers each call when told to, or at once; fails on frames numbered FATAL. objects: found in every other one."""
 
     name = "told"
     segments = False
@@ -25,6 +26,7 @@ class ToldModel:
         self.calls: list[Sequence[Request]] = []
         self.answers: list[asyncio.Event] = []
         self.broken = False
+        self.objects: list[Detection] = []
         self._at_once = at_once
 
     def tune(self, tuning: Tuning) -> None:
@@ -48,4 +50,4 @@ class ToldModel:
     def _look_at(self, request: Request) -> Outcome:
         if request.frame.header.seq == FATAL:
             return Failed(FAILED, RuntimeError("fatal"))
-        return DetectedObjects([], {"model": 7})
+        return DetectedObjects(self.objects, {"model": 7})
