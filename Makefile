@@ -5,7 +5,7 @@ SECONDS ?=
 ROBOTS ?= 3
 BENCHMARKS ?=
 REPEAT ?= 1
-JOBS ?= 3
+JOBS ?= 4
 TAR = tar --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct)
 
 .PHONY: demo test lint types tests again ros postgresql chromium nginx containers prometheus helm screenshots bench fuzz dist clean help
