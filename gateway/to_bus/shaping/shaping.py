@@ -1,6 +1,7 @@
 """Connects all shaping of one gateway process."""
 
 import asyncio
+import logging
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,6 +20,8 @@ from gateway.to_bus.shaping.uplink_pacer import Pacer
 from gateway.to_bus.translators import kind_of
 from schemas.header import Header
 from schemas.keys import CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
+
+log = logging.getLogger(__name__)
 
 _SCALED_LIKE = {Stream.INFO: Stream.COLOR, Stream.DEPTH_INFO: Stream.DEPTH}
 
@@ -83,6 +86,8 @@ class Shaping:
     def _plan(self, key: SensorKey) -> OutputPlan:
         if not isinstance(key, StreamKey):
             return OutputPlan(all_here=partial(self._consumers.all_here, key), droppable=kind_of(key).is_droppable)
+        if key.stream is Stream.POINTS and self._settings.private_areas_of(StreamKey(key.camera, Stream.COLOR).name):
+            log.warning("%s: points are sent as they are: --privacy-mask is for images; --deny keeps them here", key)
         scaled_like = StreamKey(key.camera, _SCALED_LIKE.get(key.stream, key.stream))
         return OutputPlan(
             factor=1 if key.stream is Stream.POINTS else self._settings.factor_of(scaled_like.name),

@@ -119,6 +119,17 @@ async def test_a_raw_frame_for_neighbours_is_blackened_too_and_one_that_cannot_b
     assert decoded(await receive(readings, ImageFrame)).max() == 0
 
 
+async def test_points_of_such_a_camera_are_said_to_be_sent_as_they_are(
+    rig: Rig, caplog: pytest.LogCaptureFixture
+) -> None:
+    shaping = await rig.shaping(privacy_mask=["front/color=0:0 1:0 1:1 0:1"])
+    await rig.output(sensor_key("r1", "rear/points"), shaping)
+    assert not caplog.messages
+    await rig.output(sensor_key("r1", "front/points"), shaping)
+    (said,) = caplog.messages
+    assert said.startswith("fleet/r1/front/points: points are sent as they are: --privacy-mask is for images")
+
+
 def test_rules_add_up_for_the_streams_that_they_fit() -> None:
     settings = ShapingSettings(privacy_mask=["0:0 1:0 1:1", "front/color=0:0 0:1 1:1", "rear/*=0:0 1:1 1:0"])
     assert [len(settings.private_areas_of(name)) for name in ("front/color", "front/depth", "rear/color")] == [2, 1, 2]
