@@ -12,6 +12,8 @@
     FLOOD_others_s          the longest that it took meanwhile, and shortly after, to take in a class list of a robot
                             that has no part in the flood
     acl_us_per_message      by how much longer a message takes over a TLS link where the router has access rules
+    joining_ms_with_rules   from a robot's opening of its session over TLS until it is seen at the router, whose rules
+                            name rules_for_robots robots; and the same without rules
 
 All processes share the machine's cores. It needs what the tests need (`make .venv/.test`).
 """
