@@ -67,9 +67,11 @@ def _of_joining(folder: Path) -> dict[str, Any]:
 
 def _joining_ms(folder: Path, watcher: zenoh.Session, endpoint: str) -> float:
     seen = threading.Event()
-    watching = watcher.liveliness().declare_subscriber(
-        keys.robot_alive("r1"), Callback(lambda _: seen.set(), indirect=False)
-    )
+
+    def take(_: zenoh.Sample) -> None:
+        seen.set()
+
+    watching = watcher.liveliness().declare_subscriber(keys.robot_alive("r1"), Callback(take, indirect=False))
     try:
         began_s = time.perf_counter()
         with member(folder, "r1", endpoint) as session, session.liveliness().declare_token(keys.robot_alive("r1")):
