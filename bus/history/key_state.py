@@ -13,6 +13,9 @@ NONE: Final = -1
 FIRST: Final = 1
 """First number of our publishers; Zenoh's own numbers begin with 0."""
 
+LATE_RUN: Final = 8
+"""Live messages in a row, all numbered lower than the last one, after which their count is the one that goes on."""
+
 M = TypeVar("M")
 
 
@@ -48,15 +51,32 @@ class PublisherState:
     """State of one publisher.
 
     last: the number taken last. live: the newest number that came live since it appeared: newer ones
-    come without asking. sought: the newest number that had come when a cache was last asked.
+    come without asking. sought: the newest number that had come when a cache was last asked. late, run: the live
+    message that came last although it is not newer than `last`, and how many of them came in a row.
     """
 
     last: int = NONE
     live: int = NONE
     sought: int = NONE
+    late: int = NONE
+    run: int = 0
 
     def is_behind_hole(self, number: int) -> bool:
         return self.last != NONE and number > self.last + 1
+
+    def goes_on(self, number: int) -> bool:
+        """Return whether live messages have gone on below `last` for LATE_RUN of them; then they are what counts.
+
+        A message may have a number far ahead by a fault, or from somebody who speaks for the publisher. Trusted for
+        ever, it would make all that the publisher sends old.
+        """
+        self.run = self.run + 1 if number == self.late + 1 else 1
+        self.late = number
+        if self.run < LATE_RUN:
+            return False
+        self.last = self.live = self.sought = number - 1
+        self.late, self.run = NONE, 0
+        return True
 
     def is_next(self, number: int, first: int) -> bool:
         return number <= first if self.last == NONE else number == self.last + 1

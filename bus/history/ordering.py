@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Final, Generic
 
-from bus.history.key_state import FIRST, NONE, Fetch, Hold, KeyState, M, Numbered, PublisherState
+from bus.history.key_state import FIRST, LATE_RUN, NONE, Fetch, Hold, KeyState, M, Numbered, PublisherState
 from schemas.header import gap
 
 MOST_HELD: Final = 200
@@ -20,6 +20,9 @@ KEYS_REMEMBERED: Final = 10_000
 
 MOST_HELD_BYTES: Final = 32 << 20
 """Most bytes of messages that wait, of all keys together; beyond that they are taken as they are, too."""
+
+ON_THEIR_WAY: Final = 64
+"""More live messages of a key than are on their way when a cache that has them, too, answers."""
 
 WRAPPED: Final = 1 << 31
 """A number smaller than the last by this much is newer: Zenoh's own numbers wrap at 32 bits."""
@@ -106,6 +109,8 @@ class History(Generic[M]):
                 by = known.publisher(name)
                 if current:
                     by.live = max(by.live, number)
+                if current and known.held is None and self._is_far_behind(by, number) and by.goes_on(number):
+                    self.miss(LATE_RUN - 1)
                 self._take_live(known, by, each, ready)
         self._deliver(ready)
 
@@ -224,6 +229,10 @@ class History(Generic[M]):
     def _seek(self, known: KeyState[M]) -> None:
         for cache in known.caches:
             self._ask(known, cache)
+
+    def _is_far_behind(self, by: PublisherState, number: int) -> bool:
+        """Return whether a live message is older than any that a cache had before it came."""
+        return ON_THEIR_WAY + 4 * self.recover < by.last - number < WRAPPED
 
     def _take(self, by: PublisherState, each: Numbered[M], ready: list[M]) -> None:
         """Take a message unless it came before; count missing ones before it."""

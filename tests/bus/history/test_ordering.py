@@ -3,7 +3,7 @@
 import pytest
 
 from bus.history import key_state, ordering
-from bus.history.key_state import Fetch
+from bus.history.key_state import LATE_RUN, Fetch
 from tests.bus.history.receiving import HERE, KEY, OURS, Received, message
 
 
@@ -109,6 +109,47 @@ def test_what_comes_live_after_the_cache_had_it_comes_once() -> None:
     got.appear(kept=[4, 5])
     got.live(4, 5, 6)
     assert got.outcome == ([4, 5, 6], 0)
+
+
+@pytest.mark.parametrize("recover", [1, 9, 100])
+@pytest.mark.parametrize("ahead", [1_000, 1 << 30])
+def test_one_number_far_ahead_makes_what_follows_old_for_a_few_messages_alone(recover: int, ahead: int) -> None:
+    got = Received(recover)
+    got.appear(kept=None)
+    got.answer(1, 2)
+    got.live(3, ahead)
+    if recover > 1:
+        got.answer()
+    got.live(*range(4, 30))
+    assert got.messages == [1, 2, 3, ahead, *range(3 + LATE_RUN, 30)]
+    assert got.missed >= LATE_RUN - 1
+    got.live(30, 31)
+    assert got.messages[-2:] == [30, 31]
+
+
+@pytest.mark.parametrize("recover", [1, 9, 100])
+def test_so_does_one_that_comes_first(recover: int) -> None:
+    got = Received(recover)
+    got.live(1 << 30)
+    got.live(*range(1, 20))
+    assert got.messages == [1 << 30, *range(LATE_RUN, 20)]
+
+
+def test_one_that_is_far_ahead_again_and_again_does_no_more() -> None:
+    got = Received(1)
+    for number in range(1, 100):
+        got.live(number)
+        if number % 20 == 0:
+            got.live(1 << 30)
+    assert len([each for each in got.messages if each < 1 << 30]) == 99 - 4 * (LATE_RUN - 1)
+
+
+@pytest.mark.parametrize("kept", [20, 60])
+def test_many_that_are_on_their_way_when_a_cache_has_them_come_once(kept: int) -> None:
+    got = Received(recover=100)
+    got.appear(kept=range(1, kept))
+    got.live(*range(1, kept + 5))
+    assert got.outcome == (list(range(1, kept + 5)), 0)
 
 
 def test_publishers_of_other_keys_are_not_waited_for() -> None:
