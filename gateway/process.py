@@ -27,6 +27,7 @@ from gateway.settings import GatewaySettings, RosSettings
 from gateway.sim_time import follow_sim_time
 from gateway.to_bus.shaping.consumers import Consumers, stays_near
 from gateway.to_bus.shaping.shaping import Shaping
+from gateway.to_ros.done_actions import DoneActions, state_folder
 from gateway.to_ros.on_demand import Return
 from gateway.to_ros.outputs import actions_return, alerts_return, camera_returns
 from gateway.to_ros.recorders import warn_of_recorders
@@ -202,4 +203,4 @@ def _robot_returns(settings: GatewaySettings) -> list[StreamReturn[Any]]:
     if settings.results:
         results.append(alerts_return(settings.robot, resolve))
         results.extend(world_returns(settings.robot, resolve, own=settings.own_obstacles))
-    return [*results, actions_return(settings.robot, settings.actions, resolve)]
+    return [*results, actions_return(settings.robot, settings.actions, resolve, DoneActions(state_folder()))]

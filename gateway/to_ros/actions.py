@@ -5,6 +5,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Final
 
+from gateway.to_ros.done_actions import DoneActions
 from gateway.to_ros.stream import NotNowError
 from schemas import codec
 from schemas.alerts import Action
@@ -29,17 +30,20 @@ MANY: Final = "more actions within 30 s than the gateway remembers"
 class FreshActions:
     """Accepts each action once, within MOST_AGE_NS of its sending and not from before this process began.
 
-    So one that is sent again later is refused, though it is no longer remembered, also after a restart. wall_ns,
-    steady_ns: the robot's clock, which may be set meanwhile, and one that never is.
+    So one that is sent again later is refused, though it is no longer remembered, also after a restart. before: those
+    done before, where that is kept: clocks that are set or apart may let one pass for sent later. wall_ns, steady_ns:
+    the robot's clock, which may be set meanwhile, and one that never is.
     """
 
     def __init__(
         self,
         key: RobotStreamKey,
+        before: DoneActions | None = None,
         wall_ns: Callable[[], int] = time.time_ns,
         steady_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._key = key
+        self._before = before or DoneActions(None)
         self._wall_ns = wall_ns
         self._steady_ns = steady_ns
         self._began_ns = steady_ns()
@@ -62,7 +66,7 @@ class FreshActions:
         if age_ns > now_ns - self._began_ns + CLOCK_ERROR_NS:
             raise NotNowError(EARLIER)
         self._forget(now_ns)
-        if asked.id in self._done:
+        if asked.id in self._done or asked.id in self._before:
             return False
         if len(self._done) >= MOST_REMEMBERED:
             raise NotNowError(MANY)
@@ -71,6 +75,7 @@ class FreshActions:
     def remember(self, asked: Action) -> None:
         """Note an action that was done."""
         self._done[asked.id] = self._steady_ns()
+        self._before.add(asked.id)
 
     def _forget(self, now_ns: int) -> None:
         """Forget actions that are too old to be accepted again, whatever they say of when they were sent."""

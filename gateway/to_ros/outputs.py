@@ -20,6 +20,7 @@ from gateway.ros1.messages import new_message, serialise
 from gateway.ros1.point_cloud import PointCloud, PointField, encode_point_cloud
 from gateway.to_ros import world
 from gateway.to_ros.actions import FreshActions
+from gateway.to_ros.done_actions import DoneActions
 from gateway.to_ros.stream import NewerFrames, StreamReturn, Translator, UnseenMessages
 from schemas.alerts import Action, Alert
 from schemas.compression import JPEG, RAW
@@ -253,8 +254,10 @@ def alerts_return(robot: str, resolve: Resolve) -> StreamReturn[Alert]:
     return StreamReturn(key, ALERT, novelty, {"": resolve(ALERTS_TOPIC)})
 
 
-def actions_return(robot: str, allowed: Mapping[str, str], resolve: Resolve) -> StreamReturn[Action]:
-    """Return the stream of a robot's actions. allowed: the topic of each allowed action."""
+def actions_return(
+    robot: str, allowed: Mapping[str, str], resolve: Resolve, before: DoneActions | None = None
+) -> StreamReturn[Action]:
+    """Return the stream of a robot's actions. allowed: the topic of each allowed action. before: those done already."""
     key = RobotStreamKey(robot, ACTIONS)
     topics = {action: resolve(topic) for action, topic in allowed.items()}
-    return StreamReturn(key, ACTION, FreshActions(key), topics)
+    return StreamReturn(key, ACTION, FreshActions(key, before), topics)

@@ -8,6 +8,7 @@ ROOT = Path(__file__).parents[2]
 ROOMS = ("fleetsight", "schemas", "bus", "gateway", "services")
 READERS = ("settings.py", "__main__.py")
 MAY_ALSO = {
+    "gateway/to_ros/done_actions.py": "reads which folder systemd gives the gateway for what it keeps",
     "services/detector/runtime/offline.py": "tells Ultralytics, through its environment, to stay off the network",
     "services/training/trainer.py": "tells Ultralytics, through its environment, to stay off the network",
     "services/monitor/history/backup.py": "gives PostgreSQL's programs their connection in an environment of their own",

@@ -1,8 +1,12 @@
 """Which actions a robot does: those of now, each once, whoever sends them."""
 
+from contextlib import suppress
+from pathlib import Path
+
 import msgspec
 import pytest
 
+from gateway.to_ros import done_actions
 from gateway.to_ros.actions import (
     AHEAD,
     EARLIER,
@@ -14,6 +18,7 @@ from gateway.to_ros.actions import (
     OLD,
     FreshActions,
 )
+from gateway.to_ros.done_actions import DoneActions, state_folder
 from gateway.to_ros.outputs import actions_return
 from gateway.to_ros.stream import NotNowError
 from schemas import codec
@@ -43,8 +48,8 @@ def clocks() -> Clocks:
     return Clocks()
 
 
-def fresh(clocks: Clocks) -> FreshActions:
-    return FreshActions(KEY, lambda: clocks.wall_ns, lambda: clocks.steady_ns)
+def fresh(clocks: Clocks, state: Path | None = None) -> FreshActions:
+    return FreshActions(KEY, DoneActions(state), lambda: clocks.wall_ns, lambda: clocks.steady_ns)
 
 
 def sent(clocks: Clocks, id_: str = "1", *, ago_s: float = 0) -> Action:
@@ -94,6 +99,22 @@ def test_one_from_before_a_restart_is_refused(clocks: Clocks) -> None:
     assert done(actions, sent(clocks, "2"))
 
 
+@pytest.mark.parametrize("ahead_s", [0.5, 3, MOST_AHEAD_NS / NS])
+@pytest.mark.parametrize("set_back_s", [0, 2.5, 3_600])
+def test_one_that_was_done_before_a_restart_is_not_done_again_whatever_the_clocks(
+    clocks: Clocks, tmp_path: Path, ahead_s: float, set_back_s: float
+) -> None:
+    asked = sent(clocks, ago_s=-ahead_s)
+    assert done(fresh(clocks, tmp_path), asked)
+    clocks.wall_ns -= round(set_back_s * NS)
+    actions = fresh(clocks, tmp_path)
+    for _ in range(50):
+        clocks.wait(1)
+        with suppress(NotNowError):
+            assert not actions.is_new(asked)
+    assert done(actions, sent(clocks, "2"))
+
+
 def test_a_robot_whose_clock_is_set_back_still_does_what_is_sent_then(clocks: Clocks) -> None:
     actions = fresh(clocks)
     clocks.wait(50)
@@ -136,7 +157,43 @@ def test_one_for_another_robot_is_malformed(clocks: Clocks) -> None:
 
 
 def test_a_refusal_is_counted_by_its_reason() -> None:
-    stream = actions_return("r1", {"pick_up": "/planner/pick_up"}, lambda topic: topic)
+    stream = actions_return("r1", {"pick_up": "/planner/pick_up"}, lambda topic: topic, DoneActions(None))
     old = msgspec.structs.replace(action(), sent_ns=0)
     assert stream.receive(codec.encode(old), codec.encoding(Action), 0) is None
     assert stream.status(wanted=True, subscribers=1, slow=0).dropped == {OLD: 1}
+
+
+def test_what_was_done_is_known_to_the_next_process_and_the_latest_at_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(done_actions, "MOST", 3)
+    for number in range(20):
+        DoneActions(tmp_path).add(f"pick \n {number}")
+    known = DoneActions(tmp_path)
+    assert [number for number in range(20) if f"pick \n {number}" in known] == [17, 18, 19]
+    assert len((tmp_path / done_actions.FILE).read_text(encoding="utf-8").splitlines()) <= 6
+
+
+def test_a_file_that_was_half_written_is_read_as_far_as_it_goes(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / done_actions.FILE).write_text('"1"\n"2"\n"3', encoding="utf-8")
+    known = DoneActions(tmp_path)
+    assert "read as far as it goes" in caplog.text
+    known.add("4")
+    assert [each in DoneActions(tmp_path) for each in ("1", "2", "3", "4")] == [True, True, False, True]
+
+
+def test_a_folder_that_cannot_be_written_stops_no_action(
+    clocks: Clocks, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    actions = fresh(clocks, tmp_path / "gone")
+    assert [done(actions, sent(clocks)), done(actions, sent(clocks))] == [True, False]
+    assert "will not be known after a restart: No such file or directory" in caplog.text
+
+
+def test_the_folder_is_the_first_that_systemd_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    assert state_folder() is None
+    monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/one:/var/lib/two")
+    assert state_folder() == Path("/var/lib/one")
