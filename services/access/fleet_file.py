@@ -63,6 +63,11 @@ def _expands(text: str) -> str:
     return text
 
 
+def _starts(name: str) -> Iterator[str]:
+    """Yield what stands before each dash of a name."""
+    return (name[:at] for at, letter in enumerate(name) if letter == "-")
+
+
 def _listed(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
 
@@ -101,6 +106,12 @@ class FleetFile(BaseModel):
                     f"{name} is there twice: a certificate is for one robot, or for the roles beside its name"
                 )
             once.add(name)
+        for name in once:
+            if other := next((start for start in _starts(name) if start in once), None):
+                raise ValueError(
+                    f"{name} begins with another name and a dash, so {other} could speak for it: workers' names begin so."
+                    " Rename one of them"
+                )
         if unknown := self.denied_names() - once:
             raise ValueError(f"denied: {min(unknown)} is neither a robot nor has a role")
         return self
