@@ -1,7 +1,7 @@
 """The owner of each camera among the workers that are present, by weighted rendezvous hashing. Pure."""
 
 import math
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Collection
 from hashlib import blake2b
 from typing import Final, TypeVar
@@ -48,7 +48,8 @@ class CameraAssignment:
 
     A worker says with a token that it has taken a camera over, at the latest TAKE_OVER_S after it began to serve it.
     One that is present and does not take a camera over, since it is at its limit or only a token, loses it to the next
-    one after IDLE_S. It gets the camera back as soon as it shows that token.
+    one after IDLE_S. It gets the camera back as soon as it shows that token. Next are those that have taken over any
+    camera: many that are only tokens would otherwise take IDLE_S each.
 
     me: the worker that looks; it never passes over itself.
     """
@@ -58,6 +59,7 @@ class CameraAssignment:
         self._workers: set[WorkerAlive] = set()
         self._taken: defaultdict[CameraKey, set[str]] = defaultdict(set)
         self._taken_count = 0
+        self._serving: Counter[str] = Counter()
         self._owners: dict[CameraKey, str | None] = {}
         self._idle_since_s: dict[CameraKey, float] = {}
         self._passed: dict[CameraKey, set[str]] = {}
@@ -81,6 +83,7 @@ class CameraAssignment:
         news = _note(workers, token.worker, alive=alive, limit=len(workers) + MAX_TAKEN - self._taken_count)
         if news:
             self._taken_count += 1 if alive else -1
+            self._note_serving(token.worker, 1 if alive else -1)
             if alive and token.worker in self._passed.get(token.camera, ()):
                 self._trust(token.camera, token.worker)
         if not workers:
@@ -99,9 +102,7 @@ class CameraAssignment:
         """Return a camera's owner, None where no worker may serve it. now_s: any steady clock."""
         while True:
             if camera not in self._owners:
-                passed = self._passed.get(camera, ())
-                able = [each for each in self._workers if each.worker not in passed] if passed else self._workers
-                self._owners[camera] = owner(camera, able)
+                self._owners[camera] = self._next(camera)
             found = self._owners[camera]
             if found is None or found == self._me or not self.is_idle(camera, found):
                 self._idle_since_s.pop(camera, None)
@@ -110,6 +111,25 @@ class CameraAssignment:
                 return found
             self._passed.setdefault(camera, set()).add(found)
             self._forget_owner(camera)
+
+    def _next(self, camera: CameraKey) -> str | None:
+        passed = self._passed.get(camera)
+        if not passed:
+            return owner(camera, self._workers)
+        able = [each for each in self._workers if each.worker not in passed]
+        serving = [each for each in able if each.worker == self._me or each.worker in self._serving]
+        return owner(camera, serving) or owner(camera, able)
+
+    def _note_serving(self, worker: str, change: int) -> None:
+        """Count the cameras that a worker has taken over; with its first and last one it may be another's turn."""
+        before = worker in self._serving
+        self._serving[worker] += change
+        if self._serving[worker] <= 0:
+            del self._serving[worker]
+        if before != (worker in self._serving):
+            for camera in self._passed:
+                if camera in self._owners and self._owners[camera] != self._next(camera):
+                    self._forget_owner(camera)
 
     def forget(self, camera: CameraKey) -> None:
         """Forget a camera that went, but not who took it over."""

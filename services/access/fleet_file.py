@@ -109,8 +109,8 @@ class FleetFile(BaseModel):
         for name in once:
             if other := next((start for start in _starts(name) if start in once), None):
                 raise ValueError(
-                    f"{name} begins with another name and a dash, so {other} could speak for it: workers' names begin so."
-                    " Rename one of them"
+                    f"{name} begins with another name and a dash, so {other} could speak for it, as workers' names"
+                    " begin so; rename one of them"
                 )
         if unknown := self.denied_names() - once:
             raise ValueError(f"denied: {min(unknown)} is neither a robot nor has a role")

@@ -89,6 +89,17 @@ def test_a_worker_of_great_weight_that_serves_nothing_is_passed_over_and_the_oth
     assert crew["a"].next_s == 2 + 2 * IDLE_S
 
 
+def test_many_workers_of_great_weight_that_serve_nothing_cost_no_more_time_than_one() -> None:
+    crew = {name: shares(name, *"ab".replace(name, "")) for name in "ab"}
+    for made in crew.values():
+        for number in range(200):
+            made.worker(WorkerAlive("detector", f"idle{number}", weight=1000), alive=True)
+        made.plan(1, MOST)
+    for name, other in ("ab", "ba"):
+        assert crew[name].plan(1 + IDLE_S, MOST) == falls_to(name, other)
+        assert crew[name].plan(1.1 + IDLE_S, MOST) == falls_to(name, other)
+
+
 def test_what_a_worker_at_its_limit_leaves_is_served_by_another() -> None:
     full, other = shares("a"), shares("b", "a")
     served = full.plan(0, 3)
