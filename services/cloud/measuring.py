@@ -19,7 +19,7 @@ from services.cloud.points import CloudError, Floats, Indices, some
 from services.cloud.upright_boxes import Boxes, Level, fit
 from services.cloud.visible_size import shapes
 from services.geometry.errors import MaskError
-from services.geometry.masks import Window, decode_all
+from services.geometry.masks import MEASURED_PIXELS, Window, decode_all
 
 Numbers = NDArray[np.float64]
 
@@ -106,7 +106,7 @@ def _masks(detections: Detections, unmeasured: dict[int, str]) -> Iterator[tuple
     """Decode the masks; failures go to `unmeasured`."""
     masks = {index: found.mask for index, found in enumerate(detections.objects) if found.mask is not None}
     unmeasured.update(dict.fromkeys(set(range(len(detections.objects))).difference(masks), NO_MASK))
-    for index, window in zip(masks, decode_all(masks.values()), strict=True):
+    for index, window in zip(masks, decode_all(masks.values(), most=MEASURED_PIXELS), strict=True):
         if isinstance(window, MaskError):
             unmeasured[index] = str(window)
         else:

@@ -17,7 +17,7 @@ from services.geometry.camera import CameraModel
 from services.geometry.depth import Depth
 from services.geometry.errors import GeometryError, MaskError
 from services.geometry.foreground import foreground, on_surface
-from services.geometry.masks import Window, decode_all
+from services.geometry.masks import MEASURED_PIXELS, Window, decode_all
 from services.geometry.rotation import moved
 
 Floats = NDArray[np.float32]
@@ -106,7 +106,7 @@ def groups(objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance]) 
     masks = {index: found.mask for index, found in enumerate(objects) if found.mask is not None}
     windows: dict[int, Window] = {}
     pixels = 0
-    for index, window in zip(masks, decode_all(masks.values(), margin=RING), strict=True):
+    for index, window in zip(masks, decode_all(masks.values(), margin=RING, most=MEASURED_PIXELS), strict=True):
         if isinstance(window, MaskError):
             unmeasured[index] = _unknown(index, objects[index], 0.0, str(window))
             continue

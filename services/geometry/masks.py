@@ -23,7 +23,8 @@ MAX_PIXELS: Final = 1 << 27
 """Number of pixels that the windows of one message's masks have in total at most: run lengths of a few kilobytes can
 stand for gigabytes. Sixteen masks that each cover all of an 8-megapixel image fit."""
 
-TOO_LARGE: Final = f"the masks in one image cover over {MAX_PIXELS // 1_000_000} million pixels together"
+MEASURED_PIXELS: Final = 1 << 25
+"""The same of masks that are measured in depth or points, which takes longer: four times an 8-megapixel image."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,16 +64,18 @@ def decode(mask: Mask, *, margin: int = 0) -> Window:
     return window
 
 
-def decode_all(masks: Iterable[Mask], *, margin: int = 0) -> Iterator[Window | MaskError]:
+def decode_all(masks: Iterable[Mask], *, margin: int = 0, most: int = MAX_PIXELS) -> Iterator[Window | MaskError]:
     """Decode the masks of one message like `decode`, several at a time.
 
-    The error stands in place of a damaged one, and of those for which MAX_PIXELS have no room left.
+    most: pixels that their windows have together. The error stands in place of a damaged one, and of those for which
+    there is no room left.
     """
-    room = MAX_PIXELS
+    room = most
+    too_large = f"the masks in one image cover over {most // 1_000_000} million pixels together"
     for group in _groups(masks):
         height, width = group[0].size
         for runs in _runs([mask.counts for mask in group], height, width):
-            for window in [runs] if isinstance(runs, MaskError) else _windows(runs, width, margin, room):
+            for window in [runs] if isinstance(runs, MaskError) else _windows(runs, width, margin, room, too_large):
                 if isinstance(window, Window):
                     room -= window.pixels.size
                 yield window
@@ -106,7 +109,7 @@ def _groups(masks: Iterable[Mask]) -> Iterator[list[Mask]]:
         yield group
 
 
-def _windows(runs: Runs, width: int, margin: int, room: int) -> Iterator[Window | MaskError]:
+def _windows(runs: Runs, width: int, margin: int, room: int, too_large: str) -> Iterator[Window | MaskError]:
     """Return the windows of masks of images of this width; errors for those beyond this many pixels."""
     counts = runs.bounds[1:] - runs.bounds[:-1]
     some = counts.nonzero()[0]
@@ -133,7 +136,7 @@ def _windows(runs: Runs, width: int, margin: int, room: int) -> Iterator[Window 
             yield Window(0, 0, np.zeros((0, 0), np.bool_))
             continue
         if (place := next(places, None)) is None:
-            yield MaskError(TOO_LARGE)
+            yield MaskError(too_large)
             continue
         top, left, high, wide, stop = place
         yield Window(top, left, np.ascontiguousarray(pixels[stop - high * wide : stop].reshape(wide, high).T))

@@ -8,6 +8,7 @@ from services.distance.depth_readings import Criteria
 from services.distance.measuring import DepthView, Frame, measure, measure_apart, unknown
 from services.geometry.depth import Depth
 from services.geometry.errors import CalibrationError
+from services.geometry.masks import MEASURED_PIXELS
 from services.simulator.world import Camera, Drive, generate, render
 from tests.schemas.masks import coco_mask
 from tests.services.detector.support.views import NEAR_VIEWS
@@ -194,6 +195,15 @@ def test_an_object_that_cannot_be_measured_costs_no_other() -> None:
     assert [each.measured is None for each in seen] == [False, True, False]
     assert seen[1].unknown.startswith("it failed: ValueError(")
     assert [seen[0], msgspec.structs.replace(seen[2], index=1)] == measure(sound, view(wall(2.0)), Criteria())
+
+
+def test_only_so_many_pixels_of_an_images_masks_are_measured() -> None:
+    everywhere = mask(slice(0, HEIGHT), slice(0, WIDTH))
+    fitting = MEASURED_PIXELS // (HEIGHT * WIDTH)
+    small = mask(ROWS, COLUMNS)
+    measured = measure_apart(found(*[everywhere] * (fitting + 5), small), view(wall(2.0)), Criteria())
+    assert [each.measured is not None for each in measured[:-1]] == [True] * fitting + [False] * 5
+    assert measured[fitting].unknown == "the masks in one image cover over 33 million pixels together"
 
 
 def test_nothing_in_view() -> None:
