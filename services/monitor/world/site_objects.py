@@ -102,6 +102,7 @@ class SiteObjects:
         self._epoch = ""
         self._last = 0
         self._told_last = 0
+        self._had_last = 0
         self._waiting: deque[WorldChanges] = deque(maxlen=MAX_BUFFERED)
         self.set_zones(zones)
 
@@ -137,14 +138,19 @@ class SiteObjects:
         self._apply(changes)
 
     def hear(self, status: SiteStatus) -> None:
-        """Compare with what the world model says; be behind if changes that it told of a status ago never came."""
-        if status.epoch != self._epoch or self._last < self._told_last:
+        """Compare with what the world model says.
+
+        Be behind if changes that it told of a status ago never came, or if some came a status ago that it knows nothing
+        of: they were somebody else's, and its own with those numbers were taken for old ones.
+        """
+        if status.epoch != self._epoch or self._last < self._told_last or status.last < self._had_last:
             self.is_behind = True
-        self._told_last = status.last
+        self._told_last, self._had_last = status.last, self._last
 
     def replace(self, epoch: str, last: int, objects: Iterable[WorldObject]) -> None:
         """Take all objects as of the change numbered `last`, then the changes that came meanwhile."""
         self._epoch, self._last, self._told_last, self.is_behind = epoch, last, last, False
+        self._had_last = 0  # a status may have been sent before the answer
         self.objects, self.is_full = {}, False
         self.version += 1
         self._cells.clear()

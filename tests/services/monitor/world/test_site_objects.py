@@ -133,6 +133,25 @@ def test_changes_that_a_status_told_of_and_that_never_came_are_noticed_at_the_ne
     assert hall.is_behind
 
 
+def test_changes_of_somebody_else_in_the_models_name_are_noticed_at_the_next_status(hall: SiteObjects) -> None:
+    told = msgspec.structs.replace(status("hall"), epoch="e")
+    hall.take(changes(1, change(ChangeKind.APPEARED, thing("1", 1))))
+    hall.hear(msgspec.structs.replace(told, last=1))
+    forged = [change(ChangeKind.APPEARED, thing(f"forged {number}", 1)) for number in range(100)]
+    hall.take(changes(2, *forged))
+    hall.take(changes(2, change(ChangeKind.APPEARED, thing("2", 1))))
+    hall.hear(msgspec.structs.replace(told, last=2))
+    assert not hall.is_behind, "changes may overtake a status"
+    hall.hear(msgspec.structs.replace(told, last=2))
+    assert hall.is_behind
+    hall.replace("e", 2, [thing("1", 1), thing("2", 1)])
+    hall.hear(msgspec.structs.replace(told, last=2))
+    hall.take(changes(3, change(ChangeKind.APPEARED, thing("3", 1))))
+    hall.hear(msgspec.structs.replace(told, last=3))
+    assert not hall.is_behind
+    assert sorted(hall.objects) == ["1", "2", "3"]
+
+
 def test_what_happened_is_handed_out_once_also_what_the_answer_with_all_objects_has_in_it(hall: SiteObjects) -> None:
     hall.take(changes(1, change(APPEARED, thing("a", 1)), change(SEEN, thing("a", 1)), change(MOVED, thing("a", 7))))
     assert [(each.kind, each.object.id) for each in hall.take_events()] == [(APPEARED, "a"), (MOVED, "a")]
