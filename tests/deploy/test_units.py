@@ -56,6 +56,20 @@ def test_a_unit_allows_as_many_files_as_a_router_may_have_links(name: str) -> No
     assert most_links(int(files)) == MAX_LINKS
 
 
+@pytest.mark.parametrize("name", ["gateway", "space@", "monitor", "detector", "worldmodel", "enrolment", "renew"])
+def test_a_unit_bounds_the_memory_of_its_service(name: str) -> None:
+    (most,) = values(name, "MemoryMax")
+    assert most.endswith(("M", "G", "%"))
+
+
+@pytest.mark.parametrize("unit", sorted(DEPLOY.glob("*.service")), ids=lambda unit: unit.stem)
+def test_settings_are_installed_for_the_service_and_nobody_else_to_read(unit: Path) -> None:
+    installs = [
+        line for line in unit.read_text(encoding="utf-8").splitlines() if "install " in line and ".yaml" in line
+    ]
+    assert all(" -g fleetsight -m 640 " in line for line in installs)
+
+
 def test_a_setting_that_systemd_does_not_know_is_told(root: Path) -> None:
     require_debian("systemd", [ANALYZE], how="tests/install/ros.sh installs it")
     unit = root / SYSTEM.relative_to("/") / "fleetsight-gateway.service"

@@ -21,6 +21,9 @@ from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
 from services.monitor.history.tables import alert_objects, alerts, heartbeat, intervals, object_events, stock
 
+PRIVATE: Final = 0o600
+"""Rights of an exported file: its owner reads it, and nobody else."""
+
 TIME: Final = "_ns"
 """Suffix of nanosecond time columns; exported ones drop it and are UTC to the microsecond."""
 
@@ -140,6 +143,7 @@ async def _write(engine: AsyncEngine, settings: ExportSettings, to: Path, table:
     try:
         with TemporaryDirectory(dir=to.parent, prefix=".fleetsight-") as folder:
             made, count = await _write_in(Path(folder), engine, settings, table, to_parquet=to.suffix == ".parquet")
+            made.chmod(PRIVATE)
             made.replace(to)
             return count
     except OSError as error:

@@ -60,6 +60,7 @@ async def test_csv_has_every_column_and_what_goes_on_ends_at_the_heartbeat(
     assert rows[2]["since"] == "1970-01-01T00:00:05.000000+00:00"
     assert (rows[2]["until"], rows[2]["open"]) == ("1970-01-01T00:00:09.000000+00:00", "True")
     assert capsys.readouterr().out == f"{tmp_path}/seen.csv: 3 sightings\n"
+    assert (tmp_path / "seen.csv").stat().st_mode & 0o777 == 0o600
 
 
 @pytest.mark.parametrize(
