@@ -21,10 +21,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.data_folder import images_in, labels_of
 from services.simulator.world import CLASSES
 from services.training.files import TrainingError
 
-IMAGE_SUFFIXES: Final = (".jpg", ".jpeg", ".png")
 TEST_SPLITS: Final = ("val", "test")
 ALL_CLASSES: Final = frozenset(range(len(CLASSES)))
 BOX_CORNERS: Final = 4
@@ -108,12 +108,7 @@ def read_photographs(folder: Path, *splits: str) -> list[Photograph]:
     """
     known = _source_classes(folder / "incomplete.txt")
     boxes_only = _boxes_only(folder / "boxes_only.txt")
-    files = sorted(
-        file
-        for split in splits
-        for file in (folder / split / "images").glob("*")
-        if file.suffix.lower() in IMAGE_SUFFIXES
-    )
+    files = images_in(folder, *splits)
     if not files:
         wanted = " or ".join(f"{split}/images" for split in splits)
         raise TrainingError(f"{folder}: no pictures in {wanted}; name a folder of photographs with labels")
@@ -140,7 +135,7 @@ def read_licences(folder: Path) -> dict[str, str]:
 
 def _photograph(file: Path, known: Mapping[str, SourceClasses], box_only: bool) -> Photograph:  # noqa: FBT001 - a fact
     source = file.name.split("_", 1)[0]
-    labels = file.parents[1] / "labels" / f"{file.stem}.txt"
+    labels = labels_of(file)
     objects = tuple(_objects(labels, box_only=box_only)) if labels.exists() else ()
     return Photograph(file, source, objects, *known.get(source, (ALL_CLASSES, frozenset())))
 
