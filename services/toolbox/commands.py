@@ -276,10 +276,7 @@ COMMANDS: Final = (
         positional=("robot", "service"),
         log_level="error",
         finite=True,
-        examples=(
-            "fleetsight call r1 /reset --connect tcp/central:7447",
-            "fleetsight call r1 /lights --data true",
-        ),
+        examples=("fleetsight call r1 /reset --connect tcp/central:7447", "fleetsight call r1 /lights --data true"),
     ),
     Command(
         "simulate",
@@ -319,7 +316,11 @@ COMMANDS: Final = (
         extra="detector",
         positional=("task", "source", "target"),
         finite=True,
-        examples=("fleetsight labels export site tasks.json --to label-studio", "fleetsight labels import a.json site"),
+        examples=(
+            "fleetsight labels export site tasks.json --to label-studio",
+            "fleetsight labels import project.json site",
+            "fleetsight labels check site",
+        ),
     ),
     Command(
         "train",

@@ -130,6 +130,12 @@ class DataFolder:
             by = self.origins.drafts_by.get(picture.path, "unknown") if drafted else ""
             yield PictureLabels(name, picture.path, objects, picture.size, picture.path, by)
 
+    def lost_labels(self) -> list[str]:
+        """Return the files of labels, in the folder, that belong to no picture."""
+        own = {labels_of(picture.file) for picture in self.pictures.values()}
+        files = (file for split in SPLITS for file in sorted((self.folder / split / "labels").glob("*.txt")))
+        return [file.relative_to(self.folder).as_posix() for file in files if file not in own]
+
     def objects(self, picture: Picture) -> tuple[LabelledObject, ...] | None:
         """Return the objects that a picture's labels tell of, None where it has no labels.
 

@@ -4,10 +4,11 @@ import asyncio
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Final
 
 from schemas.printing import printable
-from services.data_folder import DatasetError, Origin
+from services.data_folder import SPLITS, DatasetError, Origin
 from services.toolbox.labels import coco, cvat, label_studio
 from services.toolbox.labels.folder import DataFolder, Picture
 from services.toolbox.labels.objects import LabelledObject, LabelsError, PictureLabels
@@ -21,7 +22,7 @@ SHOWN: Final = 3
 
 
 async def run(settings: LabelsSettings) -> int:
-    """Run the task and print what was done; return the exit code: 1 if an import labelled nothing.
+    """Run the task and print what was done; return the exit code: 1 if nothing was labelled or something is wrong.
 
     Raises:
         LabelsError: the labels cannot be taken out or in.
@@ -37,7 +38,7 @@ async def run(settings: LabelsSettings) -> int:
 
 
 def _export(settings: LabelsSettings) -> tuple[list[str], int]:
-    folder, target = DataFolder(settings.source), settings.target
+    folder, target = DataFolder(settings.source), settings.target or Path()
     interface = target.with_suffix(".xml") if settings.to == "label-studio" else None
     if interface == target:
         raise LabelsError(f"{printable(str(target))}: the labelling interface gets this name; name a file of .json")
@@ -62,9 +63,9 @@ def _export(settings: LabelsSettings) -> tuple[list[str], int]:
 
 
 def _import(settings: LabelsSettings) -> tuple[list[str], int]:
-    folder = DataFolder(settings.target)
+    folder = DataFolder(settings.target or Path())
     known = len(folder.names)
-    if settings.source.is_dir() and settings.source.samefile(settings.target):
+    if settings.source.is_dir() and settings.source.samefile(folder.folder):
         raise LabelsError(f"{folder.where}: the folder itself is no export; name what the labelling tool gave back")
     form, given = read_source(settings.source, settings.form)
     found, left, unknown = _matched(folder, given, leave_empty=settings.leave_empty)
@@ -88,6 +89,30 @@ def _import(settings: LabelsSettings) -> tuple[list[str], int]:
     if new := folder.names[known:]:
         lines.append(f"new in data.yaml: {_some(new)}")
     return lines, 0 if found else FAILED
+
+
+def _check(settings: LabelsSettings) -> tuple[list[str], int]:
+    folder = DataFolder(settings.source)
+    read, mistakes = list[PictureLabels](), list[str]()
+    for picture in folder.pictures.values():
+        try:
+            read.append(PictureLabels(picture.path, "", folder.objects(picture), picture.size))
+        except LabelsError as error:
+            mistakes.append(str(error))
+    lines = [f"{folder.where}: {_count(len(folder.pictures), 'picture')}"]
+    for split in SPLITS:
+        count = sum(path.startswith(f"{split}/") for path in (each.path for each in folder.pictures.values()))
+        some = [each for each in read if each.name.startswith(f"{split}/")]
+        lines.append(f"{split}: {_count(count, 'picture')}, {_per_class(folder.names, some)}")
+    by_origin = {origin: list[str]() for origin in Origin}
+    for picture in folder.pictures.values():
+        by_origin[folder.origins.of(picture.file)].append(picture.path)
+    lines += [f"{len(by_origin[origin])} {origin}" for origin in (Origin.PERSON, Origin.UNKNOWN) if by_origin[origin]]
+    faults = {origin: by_origin[origin] for origin in (Origin.DRAFT, Origin.NONE)}
+    lines += [f"{len(paths)} {origin}: {_some(paths)}" for origin, paths in faults.items() if paths]
+    if lost := folder.lost_labels():
+        lines.append(f"{_count(len(lost), 'file')} of labels without a picture: {_some(lost)}")
+    return [*lines, *mistakes], FAILED if mistakes or lost or any(faults.values()) else 0
 
 
 def _matched(
@@ -141,4 +166,8 @@ def _some(names: Sequence[str]) -> str:
     return shown if len(names) <= SHOWN else f"{shown} and {len(names) - SHOWN} more"
 
 
-_TASKS: Final[Mapping[str, Callable[[LabelsSettings], tuple[list[str], int]]]] = {"export": _export, "import": _import}
+_TASKS: Final[Mapping[str, Callable[[LabelsSettings], tuple[list[str], int]]]] = {
+    "export": _export,
+    "import": _import,
+    "check": _check,
+}

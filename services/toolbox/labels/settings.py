@@ -21,8 +21,14 @@ class Form(StrEnum):
 TAKES: Final = {
     "export": {"target", "to", "image_url"},
     "import": {"target", "form", "leave_empty"},
+    "check": set[str](),
 }
 """Settings of each task, beside `task` and `source`."""
+
+NEEDS: Final = {
+    "export": "a file to write: fleetsight labels export site tasks.json --to label-studio",
+    "import": "the folder whose labels these are: fleetsight labels import project.json site",
+}
 
 
 class LabelsSettings(BaseModel):
@@ -35,13 +41,20 @@ class LabelsSettings(BaseModel):
     ZIP file in YOLO's form. Pictures are matched by file name, and each gets the labels of the file instead of its own;
     those that the file does not list stay as they are. A class that is new is added to data.yaml. A file that cannot be
     read as a whole changes nothing. labelled.jsonl says which pictures' labels a person has seen.
+
+    `check FOLDER` counts the objects of each split, and shows which pictures have drafts that nobody corrected or no
+    labels, and which labels cannot be read or have no picture. With any of them it ends with the exit code 1.
     """
 
     model_config = ConfigDict(validate_by_name=True, validate_by_alias=True)
 
-    task: Annotated[Literal["export", "import"], Field(description="what to do")]
-    source: Annotated[Path, Field(description="export: the folder; import: the tool's file; also the second argument")]
-    target: Annotated[Path, Field(description="export: the file to write; import: the folder; also the third argument")]
+    task: Annotated[Literal["export", "import", "check"], Field(description="what to do")]
+    source: Annotated[
+        Path, Field(description="export, check: the folder; import: the tool's file; also the second argument")
+    ]
+    target: Annotated[
+        Path | None, Field(description="export: the file to write; import: the folder; also the third argument")
+    ] = None
     to: Annotated[Literal["coco", "cvat", "label-studio"] | None, Field(description="form to export")] = None
     form: Annotated[
         Form | None, Field(alias="from", description="form to import, where the content should not tell it")
@@ -63,6 +76,8 @@ class LabelsSettings(BaseModel):
 
     @model_validator(mode="after")
     def _has_what_its_task_takes(self, info: ValidationInfo) -> Self:
+        if self.target is None and "target" in TAKES[self.task]:
+            raise ValueError(f"{self.task} needs {NEEDS[self.task]}")
         if self.task == "export" and self.to is None:
             raise ValueError("export needs --to: coco, cvat or label-studio")
         given = given_as_options(self, info) - {"task", "source", *TAKES[self.task]}

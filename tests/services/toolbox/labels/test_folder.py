@@ -5,8 +5,12 @@ from pathlib import Path
 import pytest
 
 from services.data_folder import DatasetError, Origin
+from services.toolbox.collect.dataset import Dataset
+from services.toolbox.collect.pictures import picture_of
 from services.toolbox.labels.folder import DataFolder
 from services.toolbox.labels.objects import LabelsError, PictureLabels, object_of
+from tests.fleetsight.stand_in import FOUND
+from tests.schemas.frames import image
 from tests.services.toolbox.labels.making import POLYGON, labels, picture, record, site, texts
 
 TRIANGLE = object_of("box", [0, 0, 1, 0, 1, 1], (1, 1), "")
@@ -125,3 +129,14 @@ def test_other_keys_of_data_yaml_stay(tmp_path: Path) -> None:
     folder.replace([(folder.pictures["a.jpg"], (object_of("new", [0, 0, 1, 0, 1, 1], (1, 1), ""),))], {})
     assert DataFolder(tmp_path).names == ["box", "new"]
     assert "nc: 1" in (tmp_path / "data.yaml").read_text(encoding="utf-8")
+
+
+def test_a_folder_as_collecting_makes_it(tmp_path: Path) -> None:
+    dataset = Dataset.open(tmp_path, ["pallet"])
+    file = dataset.save(picture_of(image()), "every 5 s", FOUND, "train", ())
+    folder = DataFolder(tmp_path)
+    (found,) = folder.labels()
+    assert (found.path, found.by) == (f"train/images/{file.name}", "stand-in")
+    assert [each.name for each in found.objects or ()] == ["box", "box"]
+    folder.replace([(folder.pictures[file.name], (object_of("tote", [0, 0, 1, 0, 1, 1], (1, 1), ""),))], {})
+    assert Dataset.open(tmp_path, []).names == ["pallet", "box", "tote"]

@@ -12,6 +12,8 @@ import pytest
 import yaml
 
 from services.toolbox.labels.objects import LabelsError
+from services.toolbox.labels.process import run
+from services.toolbox.labels.settings import LabelsSettings
 from services.training.photographs import read_photographs
 from tests.services.toolbox.labels.making import (
     MANY,
@@ -141,6 +143,7 @@ async def test_training_tells_boxes_from_polygons_of_four_corners(tmp_path: Path
         encoding="utf-8",
     )
     await take(file, folder)
+    (folder / "data.yaml").write_text("names: [box]")
     (photograph,) = read_photographs(folder, "train")
     assert [each.box_only for each in photograph.objects] == [True, False, False]
     assert photograph.objects[2].box == pytest.approx((0.3586, 0.1172, 0.6414, 0.6828), abs=1e-4)
@@ -268,6 +271,37 @@ async def test_the_cause_is_named_where_something_cannot_be_written(tmp_path: Pa
     (folder / "labelled.jsonl").mkdir()
     with pytest.raises(LabelsError, match=r"labelled\.jsonl: Is a directory"):
         await take(tmp_path / "labels.json", folder)
+
+
+async def test_a_check_shows_what_is_wrong_before_training(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = every_kind(tmp_path / "site")
+    settings = LabelsSettings(task="check", source=folder)
+    assert await run(settings) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        f"{folder}: 5 pictures",
+        f"train: 3 pictures, 3 objects (1 box, 1 pallet, 1 {NAMES[2]})",
+        f"val: 2 pictures, 2 objects (0 box, 1 pallet, 1 {NAMES[2]})",
+        f"test: 0 pictures, 0 objects (0 box, 0 pallet, 0 {NAMES[2]})",
+        f"4 with drafts: {', '.join(PATHS[:3])} and 1 more",
+        f"1 without labels: {PATHS[4]}",
+    ]
+    await export(folder, tmp_path / "a.xml", "cvat")
+    await take(tmp_path / "a.xml", folder)
+    labels(folder, "train/images/lost.jpg", POLYGON)
+    labels(folder, "train/images/r1-front_1.jpg", "x")
+    capsys.readouterr()
+    assert await run(settings) == 1
+    assert capsys.readouterr().out.splitlines()[4:] == [
+        "5 labelled",
+        "1 file of labels without a picture: train/labels/lost.txt",
+        (
+            f"{folder}/train/labels/r1-front_1.txt, line 1: not the number of a class and a polygon or box; correct or"
+            " remove it"
+        ),
+    ]
+    labels(folder, "train/images/r1-front_1.jpg", "")
+    (folder / "train/labels/lost.txt").unlink()
+    assert await run(settings) == 0
 
 
 def test_the_command(tmp_path: Path) -> None:

@@ -16,6 +16,12 @@ from services.toolbox.settings import load
         ({"task": "export", "to": "coco", "from": "coco"}, "export takes no --from"),
         ({"task": "export", "to": "coco", "leave_empty": True}, "export takes no --leave-empty"),
         ({"task": "export", "to": "coco", "image_url": "x"}, "--image-url is for --to label-studio"),
+        ({"task": "export", "to": "coco", "target": None}, "export needs a file to write: fleetsight labels export"),
+        (
+            {"task": "import", "target": None},
+            "import needs the folder whose labels these are: fleetsight labels import",
+        ),
+        ({"task": "check"}, "check takes no --target"),
         ({"task": "import", "to": "coco"}, "import takes no --to"),
         ({"task": "import", "image_url": "x"}, "import takes no --image-url"),
     ],
