@@ -96,7 +96,7 @@ class Origins:
 
 def _lines(file: Path) -> Iterator[dict[str, Any]]:
     """Yield the lines of a record, without the half of one that a killed process left at its end."""
-    text = file.read_text(encoding="utf-8") if file.exists() else ""
+    text = file.read_text(encoding="utf-8", errors="replace") if file.exists() else ""
     for number, line in enumerate(text.rpartition("\n")[0].splitlines(), 1):
         try:
             about = {**json.loads(line)}

@@ -91,7 +91,10 @@ class DataFolder:
             self._add(Picture(file, file.relative_to(folder).as_posix()))
         self.origins = Origins(folder)
         boxes = folder / BOXES
-        self._boxes = boxes.read_text(encoding="utf-8").splitlines() if boxes.exists() else []
+        try:
+            self._boxes = boxes.read_text(encoding="utf-8").splitlines() if boxes.exists() else []
+        except UnicodeDecodeError as error:
+            raise LabelsError(f"{printable(str(boxes))}: not UTF-8; save it as UTF-8, or remove it") from error
         self._known_boxes = {Path(line.strip()).name for line in self._boxes}
 
     def _add(self, picture: Picture) -> None:
@@ -187,7 +190,8 @@ class DataFolder:
         if new:
             self.names += new
             content = yaml.safe_load((self.folder / NAMES).read_text(encoding="utf-8"))
-            write_names(self.folder / NAMES, self.names, **{key: content[key] for key in content if key != "names"})
+            others = {key: content[key] for key in content if key != "names"}
+            write_names(self.folder / NAMES, self.names, **others | ({"nc": len(self.names)} if "nc" in others else {}))
 
     def _note_boxes(self, found: list[tuple[Picture, tuple[LabelledObject, ...]]]) -> None:
         """Write which pictures have boxes for objects, before their labels say so."""

@@ -12,7 +12,7 @@ from services.data_folder import SPLITS, DatasetError, Origin
 from services.toolbox.labels import coco, cvat, label_studio
 from services.toolbox.labels.folder import DataFolder, Picture
 from services.toolbox.labels.objects import LabelledObject, LabelsError, PictureLabels
-from services.toolbox.labels.settings import LabelsSettings
+from services.toolbox.labels.settings import Form, LabelsSettings
 from services.toolbox.labels.source import read_source
 from services.whole_file import write_whole
 
@@ -32,7 +32,7 @@ async def run(settings: LabelsSettings) -> int:
     except DatasetError as error:
         raise LabelsError(str(error)) from error
     except OSError as error:
-        raise LabelsError(f"{printable(str(error.filename))}: {error.strerror}") from error
+        raise LabelsError(f"{printable(str(error.filename or settings.source))}: {error.strerror}") from error
     sys.stdout.writelines(f"{line}\n" for line in lines)
     return code
 
@@ -66,8 +66,9 @@ def _import(settings: LabelsSettings) -> tuple[list[str], int]:
     folder = DataFolder(settings.target or Path())
     known = len(folder.names)
     if settings.source.is_dir() and settings.source.samefile(folder.folder):
-        raise LabelsError(f"{folder.where}: the folder itself is no export; name what the labelling tool gave back")
-    form, given = read_source(settings.source, settings.form)
+        form, given = Form.YOLO, [each for each in folder.labels() if each.objects is not None]
+    else:
+        form, given = read_source(settings.source, settings.form)
     found, left, unknown = _matched(folder, given, leave_empty=settings.leave_empty)
     if given and len(unknown) == len(given):
         raise LabelsError(
@@ -101,7 +102,7 @@ def _check(settings: LabelsSettings) -> tuple[list[str], int]:
             mistakes.append(str(error))
     lines = [f"{folder.where}: {_count(len(folder.pictures), 'picture')}"]
     for split in SPLITS:
-        count = sum(path.startswith(f"{split}/") for path in (each.path for each in folder.pictures.values()))
+        count = sum(each.path.startswith(f"{split}/") for each in folder.pictures.values())
         some = [each for each in read if each.name.startswith(f"{split}/")]
         lines.append(f"{split}: {_count(count, 'picture')}, {_per_class(folder.names, some)}")
     by_origin = {origin: list[str]() for origin in Origin}

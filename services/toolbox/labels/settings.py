@@ -35,12 +35,14 @@ class LabelsSettings(BaseModel):
     """Take the labels of a data-set folder to a labelling tool, and the corrected ones back.
 
     `export FOLDER OUTPUT` writes the labels of all pictures in the tool's form: COCO instances, CVAT for images 1.1, or
-    tasks with predictions for Label Studio, and beside them the labelling interface. Pictures are not copied.
+    tasks with drafts to accept or correct for Label Studio, and the labelling interface beside them. Pictures are not
+    copied.
 
     `import FILE FOLDER` reads what the tool exported: one of these forms, also in the ZIP file of CVAT, or a folder or
     ZIP file in YOLO's form. Pictures are matched by file name, and each gets the labels of the file instead of its own;
     those that the file does not list stay as they are. A class that is new is added to data.yaml. A file that cannot be
-    read as a whole changes nothing. labelled.jsonl says which pictures' labels a person has seen.
+    read as a whole changes nothing. labelled.jsonl says which pictures' labels a person has seen; with the folder as
+    FILE, that those were corrected in it.
 
     `check FOLDER` counts the objects of each split, and shows which pictures have drafts that nobody corrected or no
     labels, and which labels cannot be read or have no picture. With any of them it ends with the exit code 1.

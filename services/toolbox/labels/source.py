@@ -1,5 +1,6 @@
 """Reads what a labelling tool gave back: a file, an archive or a folder, of a form that is told by its content."""
 
+import codecs
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -51,7 +52,7 @@ class Source:
         self.room -= len(content)
         if self.room < 0:
             raise LabelsError(f"{self.place(member)}: more than {MAX_BYTES >> 20} MiB of labels; import it in parts")
-        return content
+        return content.removeprefix(codecs.BOM_UTF8)
 
     def text(self, member: str) -> str:
         """Return the content of a file of text.
@@ -60,7 +61,7 @@ class Source:
             LabelsError: it cannot be read, or is not UTF-8.
         """
         try:
-            return self.read(member).decode("utf-8-sig")
+            return self.read(member).decode()
         except UnicodeDecodeError as error:
             raise LabelsError(f"{self.place(member)}: not UTF-8; export it again") from error
 
@@ -95,7 +96,7 @@ READERS: Final[Mapping[Form, Callable[[bytes, str], Iterator[PictureLabels]]]] =
 
 
 def _form_of(content: bytes, place: str) -> Form:
-    match content.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]:
+    match content.lstrip()[:1]:
         case b"<":
             return Form.CVAT
         case b"[":

@@ -99,8 +99,12 @@ def test_folders_without_pictures_or_with_damaged_records(tmp_path: Path) -> Non
     with pytest.raises(LabelsError, match="no pictures in train/images or val/images or test/images; name a folder as"):
         DataFolder(tmp_path / "none")
     site(tmp_path, {"train/images/a.jpg": POLYGON})
-    for damaged in ("{\n", "[]\n", '{"line": 1}\n'):
-        (tmp_path / "labelled.jsonl").write_text(damaged)
+    (tmp_path / "boxes_only.txt").write_bytes(b"\xff\n")
+    with pytest.raises(LabelsError, match=r"boxes_only\.txt: not UTF-8; save it as UTF-8, or remove it"):
+        DataFolder(tmp_path)
+    (tmp_path / "boxes_only.txt").unlink()
+    for damaged in ("\udcff\n", "{\n", "[]\n", '{"line": 1}\n'):
+        (tmp_path / "labelled.jsonl").write_text(damaged, errors="surrogateescape")
         with pytest.raises(DatasetError, match=r"labelled\.jsonl: line 1 is damaged; remove it"):
             DataFolder(tmp_path)
 
@@ -124,11 +128,11 @@ def test_sizes_are_those_of_the_picture_as_it_is_shown(orientation: int, size: t
 
 def test_other_keys_of_data_yaml_stay(tmp_path: Path) -> None:
     site(tmp_path, {"train/images/a.jpg": POLYGON})
-    (tmp_path / "data.yaml").write_text("names: [box]\nnc: 1\n", encoding="utf-8")
+    (tmp_path / "data.yaml").write_text("names: [box]\nnc: 1\nlicense: ü\n", encoding="utf-8")
     folder = DataFolder(tmp_path)
     folder.replace([(folder.pictures["a.jpg"], (object_of("new", [0, 0, 1, 0, 1, 1], (1, 1), ""),))], {})
     assert DataFolder(tmp_path).names == ["box", "new"]
-    assert "nc: 1" in (tmp_path / "data.yaml").read_text(encoding="utf-8")
+    assert "nc: 2\nlicense: ü\n" in (tmp_path / "data.yaml").read_text(encoding="utf-8")
 
 
 def test_a_folder_as_collecting_makes_it(tmp_path: Path) -> None:

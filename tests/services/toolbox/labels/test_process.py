@@ -259,10 +259,12 @@ async def test_what_is_there_is_not_written_over(tmp_path: Path) -> None:
     assert not (tmp_path / "tasks.json").exists()
 
 
-async def test_the_folder_itself_is_no_export(tmp_path: Path) -> None:
+async def test_labels_that_were_corrected_in_the_folder_itself_stay_and_are_drafts_no_more(tmp_path: Path) -> None:
     folder = every_kind(tmp_path / "site")
-    with pytest.raises(LabelsError, match="the folder itself is no export; name what the labelling tool gave back"):
-        await take(folder, folder)
+    before, boxes = texts(folder), (folder / "boxes_only.txt").read_bytes()
+    assert await take(folder, folder) == 0
+    assert (texts(folder), (folder / "boxes_only.txt").read_bytes()) == (before, boxes)
+    assert [each["file"] for each in record(folder)] == PATHS[:4]
 
 
 async def test_the_cause_is_named_where_something_cannot_be_written(tmp_path: Path) -> None:
