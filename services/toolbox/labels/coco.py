@@ -19,6 +19,7 @@ from services.toolbox.labels.objects import (
     mask_of,
     parts_of,
     runs_of,
+    size_of,
 )
 
 DIGITS: Final = 3
@@ -81,9 +82,7 @@ def read(content: bytes, where: str) -> Iterator[PictureLabels]:
 
 
 def _object(annotation: _Annotation, name: str, image: _Image, place: str) -> LabelledObject:
-    size = image.width, image.height
-    if min(size) < 1:
-        raise LabelsError(f"{place}: its image has no width and height; export it again")
+    size = size_of(image.width, image.height, place)
     match annotation.segmentation:
         case _Runs(counts=counts) as runs:
             if runs.size != (image.height, image.width):

@@ -17,6 +17,7 @@ from services.toolbox.labels.objects import (
     mask_of,
     parts_of,
     runs_of,
+    size_of,
 )
 
 IMAGE: Final = "image"
@@ -65,10 +66,11 @@ class _Target:
             raise LabelsError(f"{place}: a {tag} has no area; delete it in CVAT, or export 'CVAT for images 1.1'")
         try:
             if tag == IMAGE:
-                self._image, self._objects = (file_name(attributes["name"], place), place, _size(attributes)), []
+                size = size_of(int(attributes["width"]), int(attributes["height"]), place)
+                self._image, self._objects = (file_name(attributes["name"], place), place, size), []
             elif tag in SHAPES and self._image is not None and self._objects is not None:
                 self._objects.append(_object(tag, attributes, self._image[2], place))
-        except (KeyError, ValueError) as error:
+        except (KeyError, ValueError, OverflowError) as error:
             raise LabelsError(f"{place}: a {tag} lacks an attribute, or it is no number; export it again") from error
 
     def end(self, tag: str) -> None:
@@ -80,13 +82,6 @@ class _Target:
 
     def close(self) -> None:
         """The parser asks for it."""
-
-
-def _size(attributes: Mapping[str, str]) -> tuple[int, int]:
-    width, height = int(attributes["width"]), int(attributes["height"])
-    if min(width, height) < 1:
-        raise ValueError("no size")
-    return width, height
 
 
 def _object(tag: str, attributes: Mapping[str, str], size: tuple[int, int], place: str) -> LabelledObject:

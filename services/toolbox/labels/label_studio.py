@@ -17,6 +17,7 @@ from services.toolbox.labels.objects import (
     decoded,
     file_name,
     object_of,
+    size_of,
 )
 
 PERCENT: Final = 100.0
@@ -78,7 +79,7 @@ def read(content: bytes, where: str) -> Iterator[PictureLabels]:
         width, height = next(iter(sizes), (None, None))
         if len(sizes) > 1:
             raise LabelsError(f"{place}: its regions are of pictures of several sizes; export it again")
-        size = None if width is None or height is None else (int(width), int(height))
+        size = None if width is None or height is None else size_of(width, height, place)
         yield PictureLabels(name, place, tuple(_object(each, place) for each in regions), size)
 
 
@@ -86,7 +87,10 @@ def _name(data: _Data, place: str) -> str:
     """Return the picture's name from what we wrote with the task, or from where Label Studio shows it from."""
     if data.file:
         return file_name(data.file, place)
-    address = urlsplit(data.image)
+    try:
+        address = urlsplit(data.image)
+    except ValueError as error:
+        raise LabelsError(f"{place}: {data.image[:200]!r} names no picture; export it again") from error
     local = parse_qs(address.query).get("d")
     name = file_name(local[0] if local else unquote(address.path), place)
     return name if local else UPLOAD.sub("", name, count=1)

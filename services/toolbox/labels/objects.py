@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.header import MAX_LABEL
+from schemas.image import MAX_SIDE
 from schemas.printing import printable
 from services.geometry.masks import MAX_PIXELS
 from services.geometry.outlines import joined, outline
@@ -53,6 +54,17 @@ class PictureLabels:
     size: tuple[int, int] | None = None
     path: str = ""
     by: str = ""
+
+
+def size_of(width: float, height: float, place: str) -> tuple[int, int]:
+    """Return a picture's size.
+
+    Raises:
+        LabelsError: no picture of a camera has it.
+    """
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise LabelsError(f"{place}: the picture is not 1 to {MAX_SIDE} pixels wide and high; export it again")
+    return int(width), int(height)
 
 
 def object_of(

@@ -79,6 +79,7 @@ def test_another_reader_of_xml_finds_what_is_written() -> None:
         ),
         ('<mask label="a" rle="x" left="0" top="0" width="3" height="2"/>', "line 4: a mask lacks an attribute"),
         ('<mask label="a" rle="6" left="0" top="0" width="-3" height="-2"/>', "line 4: its runs do not fill a mask"),
+        (f'<mask label="a" rle="0,99" left="{"9" * 400}" top="0" width="9" height="11"/>', "line 4: a mask lacks an"),
         ('<polyline label="a" points="0,0;5,5"/>', "line 4: a polyline has no area; delete it in CVAT"),
         ('<tag label="a"/>', "line 4: a tag has no area"),
     ],
@@ -96,7 +97,14 @@ def test_what_is_wrong_is_named_with_its_line(shapes: str, reason: str) -> None:
         ("<rss/>", "line 1: a file of <rss>, not of CVAT's <annotations>"),
         ("", "line 1: not XML"),
         ("<annotations><track/></annotations>", "line 1: a track has no area; delete it in CVAT, or export 'CVAT for"),
-        ('<annotations><image name="a" width="0" height="4"/></annotations>', "line 1: a image lacks an attribute"),
+        (
+            '<annotations><image name="a" width="0" height="4"/></annotations>',
+            "line 1: the picture is not 1 to 16384 pixels wide and high",
+        ),
+        (
+            f'<annotations><image name="a" width="{"9" * 400}" height="4"/></annotations>',
+            "line 1: the picture is not 1",
+        ),
         ('<annotations><image name="" width="4" height="4"/></annotations>', "line 1: '' names no picture"),
         ('<?xml version="1.0" encoding="no-such"?><annotations/>', "line 1: not XML"),
         ("<annotations>\x00</annotations>", "line 1: not XML"),

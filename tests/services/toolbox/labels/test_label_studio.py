@@ -148,6 +148,7 @@ def test_regions_of_several_sizes_are_refused() -> None:
             "a.json: [0]: object missing required field `data`; export it again, as JSON",
         ),
         ([{"data": {"text": "a"}, "annotations": []}], "a.json: [0].data: object missing required field `image`"),
+        ([task(image="http://[")], "a.json: [0] (task 6): 'http://[' names no picture"),
         ([task(image="/")], "a.json: [0] (task 6): '/' names no picture"),
         ({}, "a.json: expected `array`, got `object`; export it again, as JSON of Label Studio"),
     ],

@@ -1,6 +1,7 @@
 """Files of unknown form, damaged and hostile ones."""
 
 import random
+import re
 import tracemalloc
 import zipfile
 from collections.abc import Callable, Mapping
@@ -17,6 +18,7 @@ from tests.services.toolbox.labels.making import POLYGON, every_kind, export
 
 CVAT = '<annotations><image name="a_1.jpg" width="9" height="9"/></annotations>'
 COCO = '{"images": [{"id": 1, "file_name": "a_1.jpg", "width": 9, "height": 9}], "categories": [], "annotations": []}'
+ODD = [b"1e308", b"-1", b"1e400", b"9" * 400, b"0", b"NaN", b"inf", b"null", b"[]", b'"x"', b"1.5", b"1e-320"]
 TASKS = '[{"data": {"image": "a_1.jpg"}}]'
 
 
@@ -159,9 +161,14 @@ async def test_spoilt_files_are_read_or_refused_and_nothing_else(form: str, tmp_
         content = content.replace(b'"predictions"', b'"annotations"').replace(b'"model_version"', b'"x"')
     rng, refused = random.Random(1), 0  # noqa: S311 - the same each time
     for _ in range(300):
-        file.write_bytes(mutate(rng, [content]))
+        file.write_bytes(mutate(rng, [re.sub(rb"\d+", lambda number: _odd(rng, number[0]), content)]))
         try:
             read_source(file, None)
         except LabelsError:
             refused += 1
     assert 100 < refused < 300
+
+
+def _odd(rng: random.Random, number: bytes) -> bytes:
+    """Return a number, or seldom something that is none or far from it."""
+    return rng.choice(ODD) if rng.random() < 0.005 else number
