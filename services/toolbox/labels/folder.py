@@ -33,6 +33,9 @@ TURNED: Final = 5
 """The least orientation in EXIF that swaps width and height."""
 
 ORIENTATION: Final = 0x0112
+UNREADABLE: Final = (OSError, ValueError, SyntaxError, TypeError, ImportError, Image.DecompressionBombError)
+"""Raised by Pillow for what it cannot read; where Ultralytics is loaded, it first misses a plug-in for HEIF."""
+
 SAME: Final = 5e-5
 """Difference of two coordinates that comes of rounding in the forms."""
 
@@ -55,7 +58,7 @@ class Picture:
             with Image.open(self.file) as image:
                 turned = image.getexif().get(ORIENTATION, 1) >= TURNED
                 width, height = image.size
-        except (OSError, ValueError, SyntaxError, TypeError, Image.DecompressionBombError) as error:
+        except UNREADABLE as error:
             raise LabelsError(f"{printable(str(self.file))}: not a picture that can be read; remove it") from error
         return (height, width) if turned else (width, height)
 
