@@ -1,12 +1,14 @@
 """Polygons around masks, as labels of pictures have them. Pure."""
 
-from typing import Final
+from collections.abc import Sequence
+from typing import Final, TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 Polygon = NDArray[np.int32]
+Number = TypeVar("Number", np.int32, np.float64)
 TOLERANCE: Final = 0.6
 MIN_PART: Final = 24.0
 
@@ -18,16 +20,20 @@ def outline(mask: NDArray[np.uint8]) -> Polygon | None:
     """
     contours, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     rings = [cv2.approxPolyDP(c, TOLERANCE, closed=True)[:, 0] for c in contours if cv2.contourArea(c) >= MIN_PART]
-    rings = sorted((ring for ring in rings if len(ring) >= 3), key=cv2.contourArea, reverse=True)
-    if not rings:
-        return None
-    joined = np.asarray(rings[0], np.int32)
-    for ring in rings[1:]:
-        joined = _splice(joined, np.asarray(ring, np.int32))
-    return joined
+    found = [np.asarray(ring, np.int32) for ring in rings if len(ring) >= 3]
+    return joined(found) if found else None
 
 
-def _splice(path: Polygon, ring: Polygon) -> Polygon:
+def joined(rings: Sequence[NDArray[Number]]) -> NDArray[Number]:
+    """Return one polygon of several, the largest first, by cuts of no width from each to the next."""
+    ordered = sorted(rings, key=lambda ring: cv2.contourArea(ring.astype(np.float32)), reverse=True)
+    whole = ordered[0]
+    for ring in ordered[1:]:
+        whole = _splice(whole, ring)
+    return whole
+
+
+def _splice(path: NDArray[Number], ring: NDArray[Number]) -> NDArray[Number]:
     gaps = np.sum((path[:, None] - ring[None]) ** 2, axis=2)
     here, there = np.unravel_index(int(gaps.argmin()), gaps.shape)
     loop = np.concatenate([ring[there:], ring[: there + 1]])

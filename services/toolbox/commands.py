@@ -149,10 +149,7 @@ COMMANDS: Final = (
         positional=("do", "robot", "camera"),
         log_level="error",
         finite=True,
-        examples=(
-            "fleetsight clouds view r1 front",
-            "fleetsight clouds save r1 front --folder clouds --count 5",
-        ),
+        examples=("fleetsight clouds view r1 front", "fleetsight clouds save r1 front --folder clouds --count 5"),
     ),
     Command(
         "detect",
@@ -279,10 +276,7 @@ COMMANDS: Final = (
         positional=("robot", "service"),
         log_level="error",
         finite=True,
-        examples=(
-            "fleetsight call r1 /reset --connect tcp/central:7447",
-            "fleetsight call r1 /lights --data true",
-        ),
+        examples=("fleetsight call r1 /reset --connect tcp/central:7447", "fleetsight call r1 /lights --data true"),
     ),
     Command(
         "simulate",
@@ -303,7 +297,7 @@ COMMANDS: Final = (
         "save pictures of live cameras for training, with drafts of labels",
         "services.toolbox.collect.settings:CollectSettings",
         "services.toolbox.collect.process:run",
-        refusals=("bus:BusError", "services.toolbox.collect.dataset:DatasetError"),
+        refusals=("bus:BusError", "services.data_folder:DatasetError"),
         extra="detector",
         positional=("folder",),
         finite=True,
@@ -311,6 +305,21 @@ COMMANDS: Final = (
             "fleetsight collect site --every-s 30 --robots 'r*' --connect tcp/central:7447",
             "fleetsight collect site --unsure 0.25..0.4 --appears forklift --most 300",
             "fleetsight collect site --disagree --blur person --seconds 3600",
+        ),
+    ),
+    Command(
+        "labels",
+        "take the labels of a data-set folder to CVAT, Label Studio and other tools, and back",
+        "services.toolbox.labels.settings:LabelsSettings",
+        "services.toolbox.labels.process:run",
+        refusals=("services.toolbox.labels.objects:LabelsError",),
+        extra="detector",
+        positional=("task", "source", "target"),
+        finite=True,
+        examples=(
+            "fleetsight labels export site tasks.json --to label-studio",
+            "fleetsight labels import project.json site",
+            "fleetsight labels check site",
         ),
     ),
     Command(

@@ -2,7 +2,7 @@
 
 A folder holds `train` and `val` (or `test`), each with `images/*.jpg` and `labels/*.txt`: one object a line, the class
 (0 box, 1 pallet, 2 forklift) and its polygon, normalised. A file name up to its first "_" is the picture's source.
-Two optional files say how far the labels go:
+Where a `data.yaml` names the classes, their numbers must be these. Two optional files say how far the labels go:
 
 - `incomplete.txt`: a line for each source, separated by tabs: `NAME labelled=box absent=forklift unknown=pallet`.
   Objects of an unknown class may be in the pictures without a label, and count neither for nor against a prediction.
@@ -12,6 +12,7 @@ A third, `licences.txt`, goes into the model card: a line for each source, its l
 
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,10 +22,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.data_folder import NAMES, SPLITS, DatasetError, Origin, Origins, images_in, labels_of, names_in
 from services.simulator.world import CLASSES
 from services.training.files import TrainingError
 
-IMAGE_SUFFIXES: Final = (".jpg", ".jpeg", ".png")
 TEST_SPLITS: Final = ("val", "test")
 ALL_CLASSES: Final = frozenset(range(len(CLASSES)))
 BOX_CORNERS: Final = 4
@@ -100,24 +101,50 @@ def read_data(folders: Sequence[Path]) -> PhotographData:
     return PhotographData(training, tests, licences)
 
 
+def doubts_of(folders: Sequence[Path]) -> Iterator[str]:
+    """Yield a line for each folder with pictures whose labels are drafts, as far as it says so, or missing.
+
+    Raises:
+        TrainingError: its record cannot be read.
+    """
+    for folder in folders:
+        files = images_in(folder, *SPLITS)
+        try:
+            origins = Origins(folder)
+        except (DatasetError, OSError) as error:
+            raise TrainingError(str(error)) from error
+        counts = Counter(map(origins.of, files))
+        doubts = [f"{counts[Origin.DRAFT]} have drafts of labels that nobody corrected"] * (counts[Origin.DRAFT] > 0)
+        doubts += [f"{counts[Origin.NONE]} have no labels and count as empty"] * (counts[Origin.NONE] > 0)
+        if doubts:
+            yield f"{folder}: of {len(files)} pictures {', '.join(doubts)}; see fleetsight labels check {folder}"
+
+
 def read_photographs(folder: Path, *splits: str) -> list[Photograph]:
     """Return the photographs of these splits of a folder, in the order of their names.
 
     Raises:
-        TrainingError: the folder has none of the splits or no picture there, or a line of a file cannot be read.
+        TrainingError: the folder has none of the splits or no picture there, its classes have other numbers, or a line
+            of a file cannot be read.
     """
+    _check_names(folder / NAMES)
     known = _source_classes(folder / "incomplete.txt")
     boxes_only = _boxes_only(folder / "boxes_only.txt")
-    files = sorted(
-        file
-        for split in splits
-        for file in (folder / split / "images").glob("*")
-        if file.suffix.lower() in IMAGE_SUFFIXES
-    )
+    files = images_in(folder, *splits)
     if not files:
         wanted = " or ".join(f"{split}/images" for split in splits)
         raise TrainingError(f"{folder}: no pictures in {wanted}; name a folder of photographs with labels")
     return [_photograph(file, known, file.name in boxes_only) for file in files]
+
+
+def _check_names(file: Path) -> None:
+    try:
+        names = names_in(file)
+    except (DatasetError, OSError) as error:
+        raise TrainingError(str(error)) from error
+    if any(name != own for name, own in zip(names, CLASSES, strict=False)):
+        wanted = ", ".join(f"{code}: {name}" for code, name in enumerate(CLASSES))
+        raise TrainingError(f"{file}: other classes than {wanted}; train on those with Ultralytics")
 
 
 def read_licences(folder: Path) -> dict[str, str]:
@@ -140,7 +167,7 @@ def read_licences(folder: Path) -> dict[str, str]:
 
 def _photograph(file: Path, known: Mapping[str, SourceClasses], box_only: bool) -> Photograph:  # noqa: FBT001 - a fact
     source = file.name.split("_", 1)[0]
-    labels = file.parents[1] / "labels" / f"{file.stem}.txt"
+    labels = labels_of(file)
     objects = tuple(_objects(labels, box_only=box_only)) if labels.exists() else ()
     return Photograph(file, source, objects, *known.get(source, (ALL_CLASSES, frozenset())))
 

@@ -1,6 +1,7 @@
 """The training run as a command: progress on stderr, work off the event loop."""
 
 import asyncio
+import logging
 import threading
 from typing import Final
 
@@ -9,9 +10,12 @@ from rich.console import Console
 from services.simulator import progress_bars
 from services.training import parallel
 from services.training.evaluation.predictor import PredictorLoader
+from services.training.photographs import doubts_of
 from services.training.refining.refinement import Refinement
 from services.training.run import train
 from services.training.settings import TrainingSettings
+
+log = logging.getLogger(__name__)
 
 ENDING_S: Final = 1.5
 """Seconds for an interrupted training to record its cost."""
@@ -25,6 +29,8 @@ async def run(settings: TrainingSettings, load: PredictorLoader, refinement: Ref
     Raises:
         TrainingError: the work directory belongs to a run with other settings.
     """
+    for doubt in await asyncio.to_thread(lambda: list(doubts_of(settings.data))):
+        log.warning("%s", doubt)
     with progress_bars.progress(Console(stderr=True)) as report:
         cancelled = threading.Event()
 

@@ -11,9 +11,9 @@ MAX_ENTRIES = 26
 """In one folder, `__init__.py` included."""
 
 MAX_LINES = 350
-MAX_FILES = 560
+MAX_FILES = 566
 MIN_MEDIAN_LINES = 100
-MAX_WITH_ONE_IMPORTER = 155
+MAX_WITH_ONE_IMPORTER = 157
 
 
 def modules() -> dict[str, Path]:

@@ -4,23 +4,14 @@ import json
 from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
-
-import yaml
+from typing import Any
 
 from schemas.detections import Detections
 from schemas.keys import CameraKey
 from schemas.printing import printable
+from services.data_folder import COLLECTED, NAMES, SPLITS, DatasetError, labels_of, names_in, write_names
 from services.toolbox.collect.pictures import Picture, labels
 from services.whole_file import write_whole
-
-SPLITS: Final = ("train", "val", "test")
-RECORD: Final = "collected.jsonl"
-NAMES: Final = "data.yaml"
-
-
-class DatasetError(Exception):
-    """The folder cannot be used; the message names the file and the cure."""
 
 
 @dataclass(slots=True)
@@ -46,13 +37,13 @@ class Dataset:
         """
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            if (folder / NAMES).exists() and not (folder / RECORD).exists():
+            if (folder / NAMES).exists() and not (folder / COLLECTED).exists():
                 of_another = f"a data set of another tool, whose {NAMES} would change; name another folder"
                 raise DatasetError(f"{printable(str(folder))}: {of_another}")
-            known = _names_in(folder / NAMES)
+            known = names_in(folder / NAMES)
             dataset = cls(folder, [*known, *(name for name in dict.fromkeys(names) if name not in known)])
             dataset._read_record()
-            (folder / RECORD).touch()
+            (folder / COLLECTED).touch()
             dataset._write_names()
         except OSError as error:
             raise DatasetError(f"{printable(str(error.filename or folder))}: {error.strerror}") from error
@@ -91,9 +82,9 @@ class Dataset:
         if found is not None:
             self._learn(each.name for each in found.objects if each.name not in hidden)
             codes = {name: code for code, name in enumerate(self.names) if name not in hidden}
-            write_whole(_labels_of(file), "".join(labels(found, codes)).encode())
+            write_whole(labels_of(file), "".join(labels(found, codes)).encode())
             about |= {"drafts_by": found.model, "worker": found.worker}
-        with (self.folder / RECORD).open("a", encoding="utf-8") as record:
+        with (self.folder / COLLECTED).open("a", encoding="utf-8") as record:
             record.write(json.dumps(about) + "\n")
         self._note(about)
         return file
@@ -106,11 +97,10 @@ class Dataset:
 
     def _write_names(self) -> None:
         folders = {split: f"{split}/images" for split in SPLITS}
-        content = {"path": str(self.folder.resolve()), **folders, "names": dict(enumerate(self.names))}
-        write_whole(self.folder / NAMES, yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode())
+        write_names(self.folder / NAMES, self.names, path=str(self.folder.resolve()), **folders)
 
     def _read_record(self) -> None:
-        record = self.folder / RECORD
+        record = self.folder / COLLECTED
         text = record.read_text(encoding="utf-8") if record.exists() else ""
         whole, _, torn = text.rpartition("\n")
         if torn:  # of a process that was killed as it wrote
@@ -127,18 +117,3 @@ class Dataset:
         self._fingerprints[str(CameraKey(about["robot"], about["camera"]))].append(fingerprint)
         self.count += 1
         self.size += size
-
-
-def _names_in(file: Path) -> list[str]:
-    if not file.exists():
-        return []
-    try:
-        names = yaml.safe_load(file.read_text(encoding="utf-8"))["names"]
-        listed = [names[code] for code in range(len(names))]
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError, IndexError) as error:
-        raise DatasetError(f"{printable(str(file))}: it has no names of classes by number; remove it") from error
-    return [str(name) for name in listed]
-
-
-def _labels_of(image: Path) -> Path:
-    return image.parents[1] / "labels" / f"{image.stem}.txt"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from services.training.files import TrainingError
-from services.training.photographs import read_licences, read_photographs
+from services.training.photographs import doubts_of, read_licences, read_photographs
 
 BOX, PALLET, FORKLIFT = range(3)
 
@@ -89,3 +89,31 @@ def test_licences_are_read_by_source(tmp_path: Path) -> None:
     (tmp_path / "licences.txt").write_text("yard CC BY\n")
     with pytest.raises(TrainingError, match="not a source, its licence and its origin"):
         read_licences(folder)
+
+
+def test_folders_say_how_many_of_their_labels_nobody_corrected(tmp_path: Path) -> None:
+    drafted = folder_with(tmp_path / "a", {"a_1": "", "a_2": "", "a_3": ""})
+    lines = (f'{{"file": "train/images/a_{number}.jpg", "drafts_by": "m"}}\n' for number in (1, 2))
+    (drafted / "collected.jsonl").write_text("".join(lines))
+    (drafted / "train/labels/a_3.txt").unlink()
+    other = folder_with(tmp_path / "b", {"b_1": ""})
+    assert list(doubts_of([drafted, other])) == [
+        (
+            f"{drafted}: of 3 pictures 2 have drafts of labels that nobody corrected, 1 have no labels and count as"
+            f" empty; see fleetsight labels check {drafted}"
+        )
+    ]
+    (drafted / "labelled.jsonl").write_text("?\n")
+    with pytest.raises(TrainingError, match=r"labelled\.jsonl: line 1 is damaged; remove it"):
+        list(doubts_of([drafted]))
+
+
+@pytest.mark.parametrize("names", ["[pallet, box, forklift]", "{0: Box}"])
+def test_classes_with_other_numbers_are_refused(names: str, tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, {"a_1": ""})
+    for known in ("[box]", "[box, pallet, forklift, tote]"):
+        (folder / "data.yaml").write_text(f"names: {known}")
+        assert read_photographs(folder, "train")
+    (folder / "data.yaml").write_text(f"names: {names}")
+    with pytest.raises(TrainingError, match=r"data\.yaml: other classes than 0: box, 1: pallet, 2: forklift; train on"):
+        read_photographs(folder, "train")

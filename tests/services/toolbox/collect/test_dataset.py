@@ -8,7 +8,8 @@ import yaml
 
 from schemas.detections import Detections
 from schemas.keys import CameraKey
-from services.toolbox.collect.dataset import Dataset, DatasetError
+from services.data_folder import DatasetError
+from services.toolbox.collect.dataset import Dataset
 from services.toolbox.collect.pictures import picture_of
 from tests.fleetsight.stand_in import FOUND
 from tests.schemas.frames import image

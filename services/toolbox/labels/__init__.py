@@ -1,0 +1,1 @@
+"""Takes the labels of a data-set folder to the common labelling tools and back."""
