@@ -8,7 +8,15 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
+from schemas.worker_keys import ModelKey
+
 ALL: Final = ("fleet/**", "workers/**", "services/**", "world/**", "warehouses/**")
+"""Everything but the model registry."""
+
+MODELS: Final = "models/**"
+READ_MODELS: Final = (ModelKey.REGISTRY, ModelKey.LIST, ModelKey.PIECE)
+"""What detectors do with the model registry: operators alone publish, put in force and go back."""
+
 PRESENCE: Final = ("fleet/**", "workers/**", "fleet/*/@alive/*")
 """Presence tokens, also those that robots show in lists: `**` matches no chunk that begins with `@`."""
 
@@ -42,7 +50,7 @@ class Permissions:
     hears: tuple[str, ...] = ()
     shows: tuple[str, ...] = ()
     watches: tuple[str, ...] = ()
-    learns: tuple[str, ...] = ALL
+    learns: tuple[str, ...] = (*ALL, MODELS)
 
     def __or__(self, other: "Permissions") -> "Permissions":
         """Return what either permits."""
@@ -58,8 +66,8 @@ def of_robot(name: str) -> Permissions:
     """Return the permissions of a robot's gateway, and of all that connects through it: they speak for it alone."""
     return Permissions(
         sends=(f"fleet/{name}/**", f"workers/*/{name}-$*/status"),
-        asks=(f"fleet/{name}/**",),
-        hears=(f"fleet/{name}/**",),
+        asks=(f"fleet/{name}/**", *READ_MODELS),
+        hears=(f"fleet/{name}/**", ModelKey.REGISTRY),
         shows=(
             f"fleet/{name}/**",
             f"fleet/{name}/@alive/*",
@@ -79,7 +87,7 @@ def of_role(role: Role, name: str) -> Permissions:
                 services=("detector", "opinion"),
                 results=("detections", "classes", "opinion", "overlay/detection", "overlay/segmentation"),
                 more=(f"services/detector/infer/{name}-$*",),
-            )
+            ) | Permissions(asks=READ_MODELS, hears=(ModelKey.REGISTRY,))
         case Role.SPACE:
             return _worker(name, services=("distance", "cloud"), results=("distances", "view", "objects"))
         case Role.WORLDMODEL:
@@ -92,13 +100,13 @@ def of_role(role: Role, name: str) -> Permissions:
 
 OF_ALL: Final = {
     Role.MONITOR: Permissions(
-        sends=("fleet/*/alerts", "fleet/*/actions", "services/monitor/**"),
+        sends=("fleet/*/alerts", "fleet/*/actions", "services/monitor/**", MODELS),
         asks=ALL,
         hears=ALL,
         shows=WANTED,
         watches=PRESENCE,
     ),
-    Role.OPERATOR: Permissions(asks=ALL, hears=ALL, shows=WANTED, watches=PRESENCE),
+    Role.OPERATOR: Permissions(asks=(*ALL, MODELS), hears=(*ALL, MODELS), shows=WANTED, watches=PRESENCE),
     Role.OBSERVER: Permissions(hears=("fleet/*/*/classes",), watches=("fleet/*/*/classes/alive",), learns=()),
 }
 """Permissions that are the same whatever the certificate's name."""

@@ -108,6 +108,7 @@ COMMANDS: Final = (
         "services.monitor.process:run",
         refusals=(
             "bus:BusError",
+            "services.model_registry.registry:RegistryError",
             "services.monitor.history.state:OtherVersionError",
             "services.monitor.map.floor_plan:FloorPlanError",
             "services.monitor.rules.loading:RuleFileError",
