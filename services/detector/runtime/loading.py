@@ -144,16 +144,20 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
         raise ModelError(f"{read.what}: not a model that can be used: {first_line(error)}") from error
 
 
-def tracking(settings: DetectorSettings, model: Model) -> Tracking | None:
-    """Return the tracker of a model's objects; the model must have been loaded here."""
+def tracking(settings: DetectorSettings, model: Model, is_shipped: Callable[[], bool] | None = None) -> Tracking | None:
+    """Return the tracker of a model's objects; the model must have been loaded here.
+
+    is_shipped: whether it is the shipped model now, unless the settings say it.
+    """
     if settings.tracker == "off":
         return None
     from services.detector.tracking.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
 
-    known = settings.track_score or (NEUTRAL if settings.is_shipped else None)
+    shipped = settings.is_shipped
 
     def neutral() -> float:
         confidence = model.tuning.confidence
+        known = settings.track_score or (NEUTRAL if (is_shipped() if is_shipped else shipped) else None)
         return known or neutral_score(settings.confidence if confidence is None else confidence)
 
     return Tracking(partial(UltralyticsTracker, settings.tracker, neutral))
