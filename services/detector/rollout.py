@@ -164,7 +164,7 @@ class Rollout:
             if loaded is not None and loaded.digest == digest:
                 return loaded
         if digest not in self._refused:
-            await self._fetch(state, published, slot)
+            await self._fetch(published, slot)
             self._note(slot, f"{published.label} is being loaded")
             path, loop = self._cache.path(published), asyncio.get_running_loop()
             try:
@@ -179,7 +179,7 @@ class Rollout:
         self._note(slot, f"{published.label} is refused{goes_on}: {self._refused[digest]}", logging.ERROR)
         return None
 
-    async def _fetch(self, state: ModelRegistry, model: PublishedModel, slot: Slot) -> None:
+    async def _fetch(self, model: PublishedModel, slot: Slot) -> None:
         """See that a model is in the cache; raises _RetryError."""
         if await asyncio.to_thread(self._cache.holds, model):
             return
@@ -190,7 +190,7 @@ class Rollout:
 
         def progress(there: int) -> None:
             nonlocal told
-            if self._wanted is not state:
+            if self._wanted is not None and model.digest not in {self._wanted.in_force, self._wanted.canary}:
                 raise _RetryError
             percent = 100 * there // model.size
             note = f"{model.label} is being fetched: {percent} % of {model.size / 1e6:.1f} MB"

@@ -1,12 +1,12 @@
 """Asks the model registry over the bus: what is published, a file in pieces, either way."""
 
 import asyncio
+import random
 from collections.abc import Callable, Coroutine, Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import Final, TypeVar
 
-from bus import Bus, RequestError, RequestTimeoutError
+from bus import Bus, RefusedError, RequestError
 from schemas import codec
 from schemas.models import (
     PIECE_BYTES,
@@ -25,12 +25,17 @@ from schemas.worker_keys import ModelKey
 AT_ONCE: Final = 2
 """Pieces in flight: what the link brings beyond them would queue behind the fleet's own messages."""
 
-PIECE_S: Final = 10.0
+PIECE_S: Final = 20.0
 LAST_PIECE_S: Final = 60.0
 """Seconds that an answer may take; after the last piece of a file the registry reads all of it."""
 
-TRIES: Final = 4
+TRIES: Final = 5
 """How often a piece without an answer is sent or asked for, before the whole fails."""
+
+AGAIN_S: Final = (0.5, 2.5)
+"""How long a piece without an answer waits, by lot: hundreds of workers may fetch a model at once."""
+
+BUSY: Final = "busy:"
 
 Progress = Callable[[int], None]
 """Is told the number of bytes that are there, after each piece."""
@@ -130,10 +135,16 @@ async def _in_flight(indices: Iterable[int], transfer: Callable[[int], Coroutine
 
 
 async def _asked(bus: Bus, key: ModelKey, question: codec.Message, answer: type[A], timeout_s: float) -> A:
-    """Ask; again where no answer comes, as on a busy link."""
+    """Ask; again after a while where nobody answers, as while a link is cut, or the registry is busy."""
     for _ in range(TRIES - 1):
-        with suppress(RequestTimeoutError):
+        try:
             return await _once(bus, key, question, answer, timeout_s)
+        except RefusedError as error:
+            if BUSY not in str(error):
+                raise
+        except RequestError:
+            pass
+        await asyncio.sleep(random.uniform(*AGAIN_S))  # noqa: S311 - no secret
     return await _once(bus, key, question, answer, timeout_s)
 
 

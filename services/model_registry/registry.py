@@ -193,7 +193,7 @@ class Registry:
             if other.name == model.name:
                 raise RegistryError(f"{model.name} is the name of {other.label}: give this one another (--name)")
         if len(self._uploads) >= MAX_UPLOADS:
-            raise RegistryError(f"busy: {MAX_UPLOADS} models are being published already; try again in a minute or two")
+            raise RegistryError(f"{MAX_UPLOADS} models are being published already: try again in a minute or two")
         file = self._folder / UPLOADS / model.digest
         try:
             file.touch()

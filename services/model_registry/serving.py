@@ -21,8 +21,9 @@ log = logging.getLogger(__name__)
 AGAIN_S: Final = 5.0
 """Seconds between two messages with an unchanged state."""
 
-WAITING: Final = 128
-"""Requests that wait: hundreds of workers may fetch a model at once, and ask again where there is no room."""
+WAITING: Final = 16
+PIECES_WAITING: Final = 1_000
+"""Requests for pieces that wait, two of each worker: hundreds may fetch a model at once; others ask again."""
 
 T = TypeVar("T")
 Q = TypeVar("Q", bound=codec.Message)
@@ -81,7 +82,8 @@ async def serving_models(bus: Bus, folder: Path) -> AsyncIterator[None]:
             ModelKey.USE: use,
         }
         for key, handler in handlers.items():
-            await stack.enter_async_context(bus.serve(key, handler, waiting=WAITING))
+            waiting = PIECES_WAITING if key is ModelKey.PIECE else WAITING
+            await stack.enter_async_context(bus.serve(key, handler, waiting=waiting))
         async with asyncio.TaskGroup() as group:
             repeating = group.create_task(_repeat(tell))
             try:

@@ -12,6 +12,7 @@ from bus import LATEST, Bus, BusSettings, NotServedError, RefusedError, Reply, R
 from schemas import codec
 from schemas.models import PIECE_BYTES, ModelPiece, ModelRegistry, ModelUse
 from schemas.worker_keys import ModelKey
+from services.model_registry import client
 from services.model_registry.client import ask_registry, fetch_model, publish_model, use_model
 from services.model_registry.registry import digest_of
 from services.model_registry.serving import serving_models
@@ -117,3 +118,20 @@ async def test_a_piece_of_another_size_is_not_taken(tmp_path: Path) -> None:
         async with monitor.serve(ModelKey.PIECE, lie):
             with pytest.raises(RequestError, match="came with 5 bytes"):
                 await fetch_model(other, model, tmp_path / "got", lambda _: None)
+
+
+async def test_who_is_not_answered_asks_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(client, "AGAIN_S", (0, 0.01))
+    model = model_of(b"one", "one")
+    errors = [RefusedError("busy: 2 requests are under way already"), RefusedError("the disk is gone")]
+    async with two_buses() as (monitor, other):
+
+        async def refuse(_: Request) -> Reply:
+            raise errors.pop(0)
+
+        async with monitor.serve(ModelKey.PIECE, refuse):
+            with pytest.raises(RefusedError, match="the disk is gone"):
+                await fetch_model(other, model, tmp_path / "got", lambda _: None)
+        with pytest.raises(NotServedError):
+            await fetch_model(other, model, tmp_path / "got", lambda _: None)
+    assert errors == []
