@@ -16,7 +16,7 @@ from services.detector.model import SILENT, DetectedObjects, Model, Outcome, Req
 
 log = logging.getLogger(__name__)
 
-BOXES_ONLY: Final = "overlay/segmentation shows boxes, distances and objects are silent"
+BOXES_ONLY: Final = "no masks are drawn, distances and objects are silent"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -29,7 +29,7 @@ from services.detector.model import Model, ModelError
 from services.detector.model_cache import ModelCache
 from services.detector.requests import FINISH_S, Leaving, answering
 from services.detector.rollout import Rollout
-from services.detector.runtime.loading import load_all, tracking
+from services.detector.runtime.loading import SuccessiveLoading, load_all, tracking
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.detector.tracking.tracks import Tracking
 from services.detector.tuning import deviations
@@ -213,12 +213,9 @@ async def work(settings: DetectorSettings, model: Model) -> int:
 async def _follow_fleet(settings: DetectorSettings, folder: Path, executor: Executor) -> int:
     """Serve with the model that the registry has in force, also when it changes; wait for a first one."""
     shipped = await asyncio.to_thread(digest_of, SHIPPED_MODEL)
-
-    def load(weights: Path) -> Model:
-        return load_all(settings.model_copy(update={"model": str(weights)}), folder)
-
+    loading = SuccessiveLoading(settings, folder)
     async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
-        rollout = Rollout(bus, ModelCache(settings.cache), load, executor)
+        rollout = Rollout(bus, ModelCache(settings.cache), loading.load, executor)
         running = group.create_task(rollout.run())
         try:
             model = await rollout.first(DETECTOR.service, settings.worker)

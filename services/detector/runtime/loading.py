@@ -61,6 +61,32 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
         raise
 
 
+class SuccessiveLoading:
+    """Loads one model after another, each beside the one before; see `load_all`.
+
+    With `--runtime auto` later models take the runtime of the one before, if they work under it: what is measured
+    beside a model that runs is wrong, and would be kept for a week.
+    """
+
+    def __init__(self, settings: DetectorSettings, folder: Path) -> None:
+        self._settings = settings
+        self._folder = folder
+        self._runtime: str = settings.runtime
+
+    def load(self, weights: Path) -> Model:
+        """Load weights; raises ModelError."""
+        settings = self._settings.model_copy(update={"model": str(weights)})
+        try:
+            model = load_all(settings.model_copy(update={"runtime": self._runtime}), self._folder)
+        except ModelError:
+            if self._runtime == settings.runtime:
+                raise
+            model = load_all(settings, self._folder)
+        if isinstance(model, Pipeline):
+            self._runtime = model.facts.runtime
+        return model
+
+
 def load(settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:
     """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
 

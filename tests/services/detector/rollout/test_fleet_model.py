@@ -113,6 +113,6 @@ def test_it_says_of_both_models_what_there_is_to_say() -> None:
     model.notes = ("c is refused",)
     assert (model.classes, model.max_batch, model.remarks) == (("box", "pallet", "tote"), 2, ("c is refused",))
     old.remarks = (f"a has no masks: {SILENT}", "another remark")
-    without = "a has no masks: overlay/segmentation shows boxes, distances and objects are silent"
+    without = "a has no masks: no masks are drawn, distances and objects are silent"
     assert model.remarks == ("c is refused", without, "another remark")
     assert msgspec.structs.asdict(model.tuning) == msgspec.structs.asdict(Tuning())
