@@ -64,6 +64,7 @@ class Rollout:
         self._refused: dict[str, str] = {}
         self._notes: dict[Slot, str] = {}
         self._logged = ""
+        self._remembered: ModelRegistry | None = None
         self._note("in_force", NOTHING_YET)
 
     @property
@@ -124,14 +125,23 @@ class Rollout:
             if not state.in_force:
                 self._note("in_force", NONE_IN_FORCE)
             self._change(state, base)
+            await self._remember(state, base)
             canary = await self._have(state, state.canary, "canary")
             self._change(state, base, canary)
+            await self._remember(state, base)
         except _RetryError:
             return False
-        if base is not None:
-            run = msgspec.structs.replace(state, canary="" if canary is None else canary.digest)
-            await asyncio.to_thread(self._cache.remember, run)
         return True
+
+    async def _remember(self, state: ModelRegistry, base: LoadedModel | None) -> None:
+        """Note what runs now for a start without a monitor, if it is what is in force."""
+        if self.model is None or base is None:
+            return
+        canary = self.model.canary
+        run = msgspec.structs.replace(state, canary="" if canary is None else canary.digest)
+        if run != self._remembered:
+            await asyncio.to_thread(self._cache.remember, run)
+            self._remembered = run
 
     def _change(self, state: ModelRegistry, base: LoadedModel | None, canary: LoadedModel | None = None) -> None:
         """Swap models. Without a new one in force the one before goes on."""

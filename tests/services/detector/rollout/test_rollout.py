@@ -18,7 +18,7 @@ from services.detector import rollout
 from services.detector.model import ModelError
 from services.detector.model_cache import ModelCache
 from services.detector.rollout import NONE_IN_FORCE, NOTHING_YET, Rollout
-from services.model_registry.client import publish_model, use_model
+from services.model_registry.client import fetch_model, publish_model, use_model
 from services.model_registry.serving import serving_models
 from services.worker.thread import worker_thread
 from tests.services.detector.support.fakes import FakeModel
@@ -196,6 +196,50 @@ async def test_it_asks_again_until_the_file_can_be_had(site: Site, monkeypatch: 
         file.write_bytes(b"one")
         await until(runs(following, model))
         assert following.notes == ()
+
+
+async def test_a_canary_that_cannot_be_had_keeps_nobody_from_what_is_in_force(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rollout, "RETRY_S", 0.05)
+    async with site.monitor() as bus:
+        one, two, three = [await site.publish(bus, content, content.decode()) for content in (b"one", b"two", b"three")]
+        (site.folder / "registry" / f"{three.digest}.pt").write_bytes(b"eerht")
+        await use(bus, one)
+        async with site.worker() as following:
+            await until(runs(following, one))
+            await use(bus, three, "r1")
+            await until(lambda: "three@" in str(following.notes))
+            await use(bus, two)
+            await use(bus, three, "r1")
+            await until(runs(following, two))
+            await until(lambda: "three@" in str(following.notes))
+    async with site.worker() as following:
+        await until(runs(following, two))
+
+
+async def test_a_file_that_is_no_longer_wanted_is_not_fetched_to_its_end(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    async def fetch_slowly(bus: Bus, model: PublishedModel, file: Path, progress: Callable[[int], None]) -> None:
+        asked.append(model.name)
+        if model.name == "one":
+            while True:
+                progress(1)
+                await asyncio.sleep(0)
+        await fetch_model(bus, model, file, progress)
+
+    monkeypatch.setattr(rollout, "fetch_model", fetch_slowly)
+    async with site.monitor() as bus, site.worker() as following:
+        one, two = [await site.publish(bus, content, content.decode()) for content in (b"one", b"two")]
+        await use(bus, one)
+        await until(lambda: asked)
+        await site.publish(bus, b"three", "three")  # which changes nothing about it
+        await use(bus, two)
+        await until(runs(following, two))
+    assert asked == ["one", "two"]
 
 
 async def test_a_model_that_is_superseded_while_it_loads_gives_way(site: Site) -> None:
