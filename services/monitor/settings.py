@@ -189,7 +189,7 @@ class CentreSettings(BaseModel):
         return self
 
 
-class ModelSettings(BaseModel):
+class RegistrySettings(BaseModel):
     """Settings of the model registry."""
 
     heading: ClassVar = "model registry"
@@ -204,7 +204,7 @@ class ModelSettings(BaseModel):
 class MonitorSettings(
     WebSettings,
     AlertingSettings,
-    ModelSettings,
+    RegistrySettings,
     FollowedWorldSettings,
     CentreSettings,
     InventorySettings,
