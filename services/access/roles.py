@@ -14,8 +14,6 @@ ALL: Final = ("fleet/**", "workers/**", "services/**", "world/**", "warehouses/*
 """Everything but the model registry."""
 
 MODELS: Final = "models/**"
-READ_MODELS: Final = (ModelKey.REGISTRY, ModelKey.LIST, ModelKey.PIECE)
-"""What detectors do with the model registry: operators alone publish, put in force and go back."""
 
 PRESENCE: Final = ("fleet/**", "workers/**", "fleet/*/@alive/*")
 """Presence tokens, also those that robots show in lists: `**` matches no chunk that begins with `@`."""
@@ -62,12 +60,16 @@ class Permissions:
         )
 
 
+FOLLOWS_MODELS: Final = Permissions(asks=(ModelKey.LIST, ModelKey.PIECE), hears=(ModelKey.REGISTRY,), learns=())
+"""What detectors do with the model registry, on robots too: operators alone publish, put in force and go back."""
+
+
 def of_robot(name: str) -> Permissions:
     """Return the permissions of a robot's gateway, and of all that connects through it: they speak for it alone."""
     return Permissions(
         sends=(f"fleet/{name}/**", f"workers/*/{name}-$*/status"),
-        asks=(f"fleet/{name}/**", *READ_MODELS),
-        hears=(f"fleet/{name}/**", ModelKey.REGISTRY),
+        asks=(f"fleet/{name}/**",),
+        hears=(f"fleet/{name}/**",),
         shows=(
             f"fleet/{name}/**",
             f"fleet/{name}/@alive/*",
@@ -82,12 +84,15 @@ def of_role(role: Role, name: str) -> Permissions:
     """Return the permissions of a role for who has the certificate of this name."""
     match role:
         case Role.DETECTOR:
-            return _worker(
-                name,
-                services=("detector", "opinion"),
-                results=("detections", "classes", "opinion", "overlay/detection", "overlay/segmentation"),
-                more=(f"services/detector/infer/{name}-$*",),
-            ) | Permissions(asks=READ_MODELS, hears=(ModelKey.REGISTRY,))
+            return (
+                _worker(
+                    name,
+                    services=("detector", "opinion"),
+                    results=("detections", "classes", "opinion", "overlay/detection", "overlay/segmentation"),
+                    more=(f"services/detector/infer/{name}-$*",),
+                )
+                | FOLLOWS_MODELS
+            )
         case Role.SPACE:
             return _worker(name, services=("distance", "cloud"), results=("distances", "view", "objects"))
         case Role.WORLDMODEL:
