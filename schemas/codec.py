@@ -16,6 +16,7 @@ from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.inventory import InventoryAnswer, InventoryRequest, WarehouseReport
+from schemas.models import ModelPiece, ModelPieceRequest, ModelRegistry, ModelUpload, ModelUploadAnswer, ModelUse
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.ros import RawMessage, ServiceRequest, ServiceResponse, Text
@@ -54,6 +55,12 @@ Message = (
     | WorldRequest
     | WorldAnswer
     | WarehouseReport
+    | ModelRegistry
+    | ModelPieceRequest
+    | ModelPiece
+    | ModelUpload
+    | ModelUploadAnswer
+    | ModelUse
 )
 M = TypeVar("M", bound=Message)
 
@@ -89,6 +96,12 @@ MAX_BYTES: Final[dict[type, int]] = {
     WorldRequest: 64 * KIB,
     WorldAnswer: 16 * KIB * KIB,
     WarehouseReport: 256 * KIB,
+    ModelRegistry: 256 * KIB,
+    ModelPieceRequest: 64 * KIB,
+    ModelPiece: 1024 * KIB,
+    ModelUpload: 1024 * KIB,
+    ModelUploadAnswer: 64 * KIB,
+    ModelUse: 128 * KIB,
 }
 """Maximum payload size per message type, checked before a byte of it is read."""
 

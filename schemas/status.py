@@ -152,6 +152,7 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
     version: of its software, empty where nobody says.
     busy_s: seconds since it started in which it was at work on frames, None where nobody says. A detector's runs while
     any frame is in its model, or its tracker makes the model wait.
+    canary: the model of a roll-out that looks at single robots' cameras here; empty where there is none.
     """
 
     service: Name
@@ -163,6 +164,7 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
     classes: Annotated[list[Label], msgspec.Meta(max_length=MAX_CLASSES)] = []
     version: Label = ""
     busy_s: Annotated[float, msgspec.Meta(ge=0)] | None = None
+    canary: Label = ""
 
 
 class ClockReading(msgspec.Struct, frozen=True, kw_only=True):

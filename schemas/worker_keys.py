@@ -1,6 +1,6 @@
 """Keys of services and their workers: `workers/{service}/{worker}/...`, and of sites: `world/{site}/...`.
 
-What a centre is told of a warehouse is below `warehouses/{warehouse}/...`.
+What a centre is told of a warehouse is below `warehouses/{warehouse}/...`, the model registry below `models/`.
 
 `schemas.keys` has those of robots.
 """
@@ -36,6 +36,12 @@ def worker_status(service: str, worker: str) -> str:
     check_name("service", service)
     check_name("worker", worker)
     return f"workers/{service}/{worker}/status"
+
+
+def every_worker_status(service: str) -> str:
+    """Return the key expression of the statuses of a service's workers."""
+    check_name("service", service)
+    return f"workers/{service}/*/status"
 
 
 def worker_settings(service: str, worker: str) -> str:
@@ -79,6 +85,21 @@ def parse_world(key: str) -> tuple[str, WorldStream]:
             check_name("site", site)
             return site, WorldStream(stream)
     raise SchemaError(f"not a site's key: {key[:200]!r}")
+
+
+class ModelKey(StrEnum):
+    """The keys of the model registry.
+
+    REGISTRY: ModelRegistry, whenever it changes and every few seconds. LIST: answers an empty request with it. PIECE:
+    answers a ModelPieceRequest with a ModelPiece. PUBLISH: answers a ModelUpload with a ModelUploadAnswer. USE: answers
+    a ModelUse with the changed ModelRegistry.
+    """
+
+    REGISTRY = "models/registry"
+    LIST = "models/list"
+    PIECE = "models/piece"
+    PUBLISH = "models/publish"
+    USE = "models/use"
 
 
 EVERY_WAREHOUSE_REPORT: Final = "warehouses/*/report"

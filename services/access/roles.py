@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
+from schemas.worker_keys import ModelKey
+
 ALL: Final = ("fleet/**", "workers/**", "services/**", "world/**", "warehouses/**")
+"""Everything but the model registry."""
+
+MODELS: Final = "models/**"
+
 PRESENCE: Final = ("fleet/**", "workers/**", "fleet/*/@alive/*")
 """Presence tokens, also those that robots show in lists: `**` matches no chunk that begins with `@`."""
 
@@ -42,7 +48,7 @@ class Permissions:
     hears: tuple[str, ...] = ()
     shows: tuple[str, ...] = ()
     watches: tuple[str, ...] = ()
-    learns: tuple[str, ...] = ALL
+    learns: tuple[str, ...] = (*ALL, MODELS)
 
     def __or__(self, other: "Permissions") -> "Permissions":
         """Return what either permits."""
@@ -52,6 +58,10 @@ class Permissions:
                 for name in ("sends", "asks", "hears", "shows", "watches", "learns")
             )
         )
+
+
+FOLLOWS_MODELS: Final = Permissions(asks=(ModelKey.LIST, ModelKey.PIECE), hears=(ModelKey.REGISTRY,), learns=())
+"""What detectors do with the model registry, on robots too: operators alone publish, put in force and go back."""
 
 
 def of_robot(name: str) -> Permissions:
@@ -74,11 +84,14 @@ def of_role(role: Role, name: str) -> Permissions:
     """Return the permissions of a role for who has the certificate of this name."""
     match role:
         case Role.DETECTOR:
-            return _worker(
-                name,
-                services=("detector", "opinion"),
-                results=("detections", "classes", "opinion", "overlay/detection", "overlay/segmentation"),
-                more=(f"services/detector/infer/{name}-$*",),
+            return (
+                _worker(
+                    name,
+                    services=("detector", "opinion"),
+                    results=("detections", "classes", "opinion", "overlay/detection", "overlay/segmentation"),
+                    more=(f"services/detector/infer/{name}-$*",),
+                )
+                | FOLLOWS_MODELS
             )
         case Role.SPACE:
             return _worker(name, services=("distance", "cloud"), results=("distances", "view", "objects"))
@@ -92,13 +105,13 @@ def of_role(role: Role, name: str) -> Permissions:
 
 OF_ALL: Final = {
     Role.MONITOR: Permissions(
-        sends=("fleet/*/alerts", "fleet/*/actions", "services/monitor/**"),
+        sends=("fleet/*/alerts", "fleet/*/actions", "services/monitor/**", MODELS),
         asks=ALL,
         hears=ALL,
         shows=WANTED,
         watches=PRESENCE,
     ),
-    Role.OPERATOR: Permissions(asks=ALL, hears=ALL, shows=WANTED, watches=PRESENCE),
+    Role.OPERATOR: Permissions(asks=(*ALL, MODELS), hears=(*ALL, MODELS), shows=WANTED, watches=PRESENCE),
     Role.OBSERVER: Permissions(hears=("fleet/*/*/classes",), watches=("fleet/*/*/classes/alive",), learns=()),
 }
 """Permissions that are the same whatever the certificate's name."""

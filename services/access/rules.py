@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from services.access.fleet_file import FleetFile
-from services.access.roles import Permissions, of_robot, of_role
+from services.access.roles import FOLLOWS_MODELS, Permissions, of_robot, of_role
 
 SAYING: Final = ("put", "delete", "reply", "declare_queryable")
 HEARING: Final = ("declare_subscriber", "query")
@@ -28,8 +28,9 @@ def access_control(fleet: FleetFile) -> dict[str, Any]:
     """Return Zenoh's `access_control`, as its configuration has it."""
     rules: dict[tuple[Any, ...], Rule] = {}
     subjects, policies = [], []
-    for name, permissions in _by_name(fleet).items():
-        used = [_shared(rules, *rule) for rule in _rules_of(permissions) if rule[2]]  # Zenoh takes no empty ones
+    for name, permitted in _by_name(fleet).items():
+        every = (rule for permissions in permitted for rule in _rules_of(permissions))
+        used = [_shared(rules, *rule) for rule in every if rule[2]]  # Zenoh takes no empty ones
         subjects.append({"id": name, "cert_common_names": [name]})
         policies.append({"subjects": [name], "rules": used})
     return {
@@ -41,14 +42,17 @@ def access_control(fleet: FleetFile) -> dict[str, Any]:
     }
 
 
-def _by_name(fleet: FleetFile) -> Mapping[str, Permissions]:
-    found = {robot: of_robot(robot) for robot in fleet.robot_names()}
+def _by_name(fleet: FleetFile) -> Mapping[str, tuple[Permissions, ...]]:
+    """Return each name's permissions; rules of what all robots may do alike are there once."""
+    found: dict[str, tuple[Permissions, ...]] = {
+        robot: (of_robot(robot), FOLLOWS_MODELS) for robot in fleet.robot_names()
+    }
     for name, roles in fleet.roles.items():
         permissions = Permissions(learns=())
         for role in roles:
             permissions |= of_role(role, name)
-        found[name] = permissions
-    return {name: permissions for name, permissions in found.items() if name not in fleet.denied_names()}
+        found[name] = (permissions,)
+    return {name: permitted for name, permitted in found.items() if name not in fleet.denied_names()}
 
 
 def _rules_of(permissions: Permissions) -> Iterable[tuple[tuple[str, ...], tuple[str, ...], list[str]]]:

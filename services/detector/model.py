@@ -40,19 +40,26 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class DetectedObjects:
-    """The objects of one image, best score first, and nanoseconds per stage."""
+    """The objects of one image, best score first, and nanoseconds per stage.
+
+    model: the name of the one that found them, where several stand behind a `Model`; else empty.
+    """
 
     objects: list[Detection]
     spans: Spans = field(default_factory=dict)
+    model: str = ""
 
     def detections(self, frame: ImageFrame, *, model: str, worker: str, **before: int) -> Detections:
-        """Return the objects as a message about a frame. before: nanoseconds of the stages before the model's."""
+        """Return the objects as a message about a frame. before: nanoseconds of the stages before the model's.
+
+        model: the name of the model, unless the objects say it themselves.
+        """
         return Detections(
             header=frame.header,
             height=frame.height,
             width=frame.width,
             objects=self.objects,
-            model=model,
+            model=self.model or model,
             worker=worker,
             spans={**before, **self.spans},
         )

@@ -4,9 +4,9 @@ import asyncio
 import logging
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -21,17 +21,21 @@ from schemas.keys import CameraKey
 from schemas.status import MAX_CLASSES
 from schemas.worker_keys import WorkerAlive
 from services.detector.camera import CameraOutputs, feed, serving
+from services.detector.fleet_model import FleetModel
 from services.detector.frame_counts import REPLACED, SPARED, FrameCounts
 from services.detector.frame_queue import FrameQueue
 from services.detector.inference import Inference
 from services.detector.model import Model, ModelError
+from services.detector.model_cache import ModelCache
 from services.detector.regions import Regions
 from services.detector.requests import FINISH_S, Leaving, answering
-from services.detector.runtime.loading import load_all, tracking
-from services.detector.settings import DetectorSettings
+from services.detector.rollout import Rollout
+from services.detector.runtime.loading import SuccessiveLoading, load_all, tracking
+from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.detector.tracking.tracks import Tracking
 from services.detector.tuning import deviations
 from services.detector.worker_role import DETECTOR, OPINION, WorkerRole
+from services.model_registry.registry import digest_of
 from services.worker.thread import worker_thread
 from services.worker.worker import Worker
 
@@ -159,11 +163,16 @@ class DetectorWorker:
         remarks = [*deviations(self._configured, self._model.tuning), *self._model.remarks]
         return {
             "model": self._model.name,
+            "canary": _canary(self._model)[:MAX_LABEL],
             "remarks": [remark[:MAX_LABEL] for remark in remarks],
             "classes": list(self._model.classes[:MAX_CLASSES]),
             "cameras": self._accounts.loads({key: asked.hz for key, asked in self._asked.items()}),
             "busy_s": self._inference.totals().busy_s,
         }
+
+
+def _canary(model: Model) -> str:
+    return model.canary.label if isinstance(model, FleetModel) and model.canary is not None else ""
 
 
 log = logging.getLogger(__name__)
@@ -174,6 +183,8 @@ FAILED: Final = 1
 async def run(settings: DetectorSettings) -> int:
     """Run a worker until cancelled; see `work`. It announces itself only once its model is ready.
 
+    With `--model fleet` it waits for one.
+
     Raises:
         ModelError: the model cannot be used.
     """
@@ -181,6 +192,8 @@ async def run(settings: DetectorSettings) -> int:
         tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder,
         worker_thread("loading") as executor,
     ):
+        if settings.follows_fleet:
+            return await _follow_fleet(settings, Path(folder), executor)
         log.info("loading %s", settings.model)
         model = await asyncio.get_running_loop().run_in_executor(executor, load_all, settings, Path(folder))
         log.info("%s is ready; worker %s", model.name, settings.worker)
@@ -194,14 +207,50 @@ async def run(settings: DetectorSettings) -> int:
 
 async def work(settings: DetectorSettings, model: Model) -> int:
     """Serve with a working model until cancelled; if the model fails, log why and return the exit code."""
+    following = None if settings.opinion else tracking(settings, model)
+    with _closing(following):
+        async with open_bus(settings) as bus:
+            return await _serve(bus, settings, model, following)
+
+
+async def _follow_fleet(settings: DetectorSettings, folder: Path, executor: Executor) -> int:
+    """Serve with the model that the registry has in force, also when it changes; wait for a first one."""
+    shipped = await asyncio.to_thread(digest_of, SHIPPED_MODEL)
+    loading = SuccessiveLoading(settings, folder)
+    async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
+        rollout = Rollout(bus, ModelCache(settings.cache), loading.load, executor)
+        running = group.create_task(rollout.run())
+        try:
+            model = await rollout.first(DETECTOR.service, settings.worker)
+            log.info("%s is ready; worker %s", model.name, settings.worker)
+            is_shipped = partial(_has_digest, model, shipped)
+            following = await asyncio.to_thread(tracking, settings, model, is_shipped)
+            with _closing(following):
+                return await _serve(bus, settings, model, following)
+        finally:
+            running.cancel()
+            if rollout.model is not None:
+                rollout.model.close()
+
+
+def _has_digest(model: FleetModel, digest: str) -> bool:
+    return model.in_force.digest == digest
+
+
+@contextmanager
+def _closing(following: Tracking | None) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        if following is not None:
+            following.close()
+
+
+async def _serve(bus: Bus, settings: DetectorSettings, model: Model, following: Tracking | None) -> int:
     role = OPINION if settings.opinion else DETECTOR
     tokens, leaving = settings.tokens(role.service), Leaving()
-    following = None if role.lists_only else tracking(settings, model)
     try:
-        async with (
-            open_bus(settings) as bus,
-            answering(bus, model, settings.worker, role, leaving, accept_settings=settings.accept_settings),
-        ):
+        async with answering(bus, model, settings.worker, role, leaving, accept_settings=settings.accept_settings):
             worker = DetectorWorker(
                 bus,
                 model,
@@ -215,9 +264,6 @@ async def work(settings: DetectorSettings, model: Model) -> int:
             await worker.run()
     except* ModelError as failed:
         log.error("%s", _first(failed))  # noqa: TRY400 - the reason is known: no stack says more
-    finally:
-        if following is not None:
-            following.close()
     return FAILED
 
 

@@ -20,6 +20,9 @@ MOST_SIDE: Final = 4096
 
 MOST_THREADS: Final = 1024
 
+FLEET: Final = "fleet"
+"""Stands for the model that the monitor's registry has in force."""
+
 WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 SHIPPED_MODEL = WEIGHTS_FOLDER / "warehouse-n-seg.pt"
 
@@ -128,7 +131,8 @@ class LookSettings(BaseModel):
         Field(ge=LEAST_SIDE, le=MOST_SIDE, description="longer side that images are scaled to; by default as trained"),
     ] = None
     cache: Path = Field(
-        default_factory=default_cache, description="folder for exported models and the choice of runtime"
+        default_factory=default_cache,
+        description="folder for exported models, the choice of runtime and the models of --model fleet",
     )
     device: Annotated[str | None, Field(description="cpu, cuda:0, ...; by default the best available")] = None
     threads: Annotated[
@@ -163,8 +167,8 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
         str,
         AfterValidator(_shipped),
         Field(
-            description="Ultralytics weights: a path, the name of the shipped ones, warehouse-n-seg.pt, or with"
-            " --download a published model's name"
+            description="Ultralytics weights: a path, the name of the shipped ones, warehouse-n-seg.pt, with --download"
+            " a published model's name; or fleet, for what `fleetsight model use` puts in force"
         ),
     ] = str(SHIPPED_MODEL)
     opinion: Annotated[
@@ -220,6 +224,11 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
     ] = None
 
     @property
+    def follows_fleet(self) -> bool:
+        """Whether the model is the one that the monitor's registry has in force."""
+        return self.model == FLEET
+
+    @property
     def is_shipped(self) -> bool:
         """Whether the objects are found by the shipped model."""
         file = Path(self.detection_model or self.model)
@@ -228,8 +237,14 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
     @model_validator(mode="after")
     def _model_is_here(self) -> Self:
         for option, weights in (("--model", self.model), ("--detection-model", self.detection_model)):
-            if weights is not None and not self.download:
+            if weights is not None and not self.download and (option, weights) != ("--model", FLEET):
                 check_is_file(option, weights)
+        return self
+
+    @model_validator(mode="after")
+    def _opinion_is_of_one_model(self) -> Self:
+        if self.opinion and self.follows_fleet:
+            raise ValueError("--opinion tries one model beside the fleet's: name its file with --model, not fleet")
         return self
 
     @model_validator(mode="after")

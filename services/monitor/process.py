@@ -4,7 +4,7 @@ import asyncio
 import logging
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, nullcontext
 
 from rich.console import Console
 
@@ -19,6 +19,7 @@ from schemas.inventory import WarehouseReport
 from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from schemas.world import SiteStatus
+from services.model_registry.serving import serving_models
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.display import Problems, show
@@ -70,13 +71,19 @@ async def run(settings: MonitorSettings) -> None:
         ZoneFileError: the zone file cannot be used.
         OtherVersionError: the database of the history or of the users is another version's.
         WebError: the page's port cannot be had.
+        RegistryError: the folder of models cannot be used.
         BusError: the bus refuses its settings.
     """
     if settings.web and settings.history == NONE:
         await _check_users()
     web = Web.of(settings) if settings.web else None
     fleet = Fleet(clock_id(), settings.limits())
-    async with open_bus(settings) as bus, running(settings, bus, fleet) as monitor, asyncio.TaskGroup() as group:
+    async with (
+        open_bus(settings) as bus,
+        nullcontext() if settings.models is None else serving_models(bus, settings.models),
+        running(settings, bus, fleet) as monitor,
+        asyncio.TaskGroup() as group,
+    ):
         group.create_task(keep_collections_short(lambda: sum(1 for _ in fleet.inventory.cameras())))
         if web is not None:
             group.create_task(web.run(monitor))

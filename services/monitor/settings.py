@@ -189,9 +189,22 @@ class CentreSettings(BaseModel):
         return self
 
 
+class RegistrySettings(BaseModel):
+    """Settings of the model registry."""
+
+    heading: ClassVar = "model registry"
+
+    models: Path | None = Field(
+        default=None,
+        description="folder of published models, from which detectors with --model fleet take theirs; of one monitor"
+        " of the fleet alone",
+    )
+
+
 class MonitorSettings(
     WebSettings,
     AlertingSettings,
+    RegistrySettings,
     FollowedWorldSettings,
     CentreSettings,
     InventorySettings,

@@ -12,7 +12,8 @@ from pydantic import BaseModel
 from fleetsight.own_packages import ALL
 from schemas.printing import printable
 from services.toolbox import logs, process
-from services.toolbox.commands import COMMANDS, Command
+from services.toolbox.command import Command
+from services.toolbox.commands import COMMANDS
 from services.toolbox.errors import UsageError, meant
 from services.toolbox.help import EXIT_CODES
 from services.toolbox.setting_sources import ENV_PREFIX

@@ -8,12 +8,14 @@ from statistics import median
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("schemas", "bus", "gateway", "services", "fleetsight")
 MAX_ENTRIES = 26
-"""In one folder, `__init__.py` included."""
+"""In one folder, `__init__.py` included, but for MARKERS."""
+
+MARKERS = {"py.typed"}
 
 MAX_LINES = 350
-MAX_FILES = 566
+MAX_FILES = 585
 MIN_MEDIAN_LINES = 100
-MAX_WITH_ONE_IMPORTER = 157
+MAX_WITH_ONE_IMPORTER = 165
 
 
 def modules() -> dict[str, Path]:
@@ -45,7 +47,7 @@ def test_folders_have_few_entries() -> None:
         str(path.parent.relative_to(ROOT))
         for package in (*PACKAGES, "tests", "benchmarks")
         for path in (ROOT / package).rglob("*")
-        if "__pycache__" not in path.parts
+        if "__pycache__" not in path.parts and path.name not in MARKERS
     )
     assert entries
     assert not {folder: count for folder, count in entries.items() if count > MAX_ENTRIES}

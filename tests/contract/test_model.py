@@ -11,6 +11,7 @@ from pycocotools import mask as coco
 
 from schemas.detections import Detection
 from schemas.tuning import Tuning
+from services.detector.fleet_model import FleetModel, LoadedModel
 from services.detector.frame_counts import MALFORMED
 from services.detector.model import DetectedObjects, Failed, Model, Outcome, Request, TuningError
 from services.detector.runtime.loading import load
@@ -21,10 +22,12 @@ from tests.services.detector.support.requests import request
 from tests.services.detector.support.views import near_view
 
 
-@pytest.fixture(params=["fake", "torch", "onnx", "openvino"], scope="module")
+@pytest.fixture(params=["fake", "fleet", "torch", "onnx", "openvino"], scope="module")
 def made(request: pytest.FixtureRequest, model_folder: Path) -> Model:
     if request.param == "fake":
         return FakeModel()
+    if request.param == "fleet":
+        return FleetModel(LoadedModel("", "fake", FakeModel()))
     settings = DetectorSettings.model_validate({"runtime": request.param, "cache": model_folder / "cache"})
     return load(settings, model_folder / "ultralytics")
 

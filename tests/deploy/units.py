@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from services.toolbox.commands import COMMANDS, Command
+from services.toolbox.command import Command
+from services.toolbox.commands import COMMANDS
 from services.toolbox.settings import S, load
 
 DEPLOY = Path(__file__).parents[2] / "deploy"

@@ -12,6 +12,15 @@ from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.inventory import ClassSighting, InventoryAnswer, InventoryRequest, SiteTotals, WarehouseReport
 from schemas.keys import CameraKey, RobotStreamKey
+from schemas.models import (
+    ModelPiece,
+    ModelPieceRequest,
+    ModelRegistry,
+    ModelUpload,
+    ModelUploadAnswer,
+    ModelUse,
+    PublishedModel,
+)
 from schemas.points import PointCloud, PointField
 from schemas.ros import RawMessage, ServiceRequest, ServiceResponse, Text
 from schemas.status import CameraLoad, ClockReading, GatewayStatus, ReturnStatus, StreamStatus, WorkerStatus
@@ -51,11 +60,18 @@ RAW = RawMessage(
     latched=True,
     data=memoryview(b"\x05"),
 )
+MODEL = PublishedModel(digest="ab" * 32, name="site-2", size=6, by="ann@desk", about="boxes", published_ns=4)
 QUESTIONS = (Tuning, InventoryRequest, WorldRequest)
 """Whose fields may all be left out."""
 
 MESSAGES: list[Message] = [
     Tuning(confidence=0.5, classes=["box"]),
+    ModelRegistry(models=[MODEL], in_force="ab" * 32, canary="cd" * 32, robots=["r1"]),
+    ModelPieceRequest(digest="ab" * 32, index=3),
+    ModelPiece(digest="ab" * 32, index=3, data=memoryview(b"\x05")),
+    ModelUpload(model=MODEL, index=0, data=memoryview(b"\x05")),
+    ModelUploadAnswer(missing=[1, 2]),
+    ModelUse(digest="", robots=["r1"]),
     ClockReading(robot="r1", boot_id="b", clock_id="c", received_ns=1, sent_ns=2, ros_ns=3),
     ServiceRequest(type="std_srvs/SetBool", md5="09fb03525b03e7ea1fd3992bafd87e16", argument=True, timeout_s=0.5),
     ServiceRequest(data=b"\x05", timeout_s=5),

@@ -61,6 +61,32 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
         raise
 
 
+class SuccessiveLoading:
+    """Loads one model after another, each beside the one before; see `load_all`.
+
+    With `--runtime auto` later models take the runtime of the one before, if they work under it: what is measured
+    beside a model that runs is wrong, and would be kept for a week.
+    """
+
+    def __init__(self, settings: DetectorSettings, folder: Path) -> None:
+        self._settings = settings
+        self._folder = folder
+        self._runtime: str = settings.runtime
+
+    def load(self, weights: Path) -> Model:
+        """Load weights; raises ModelError."""
+        settings = self._settings.model_copy(update={"model": str(weights)})
+        try:
+            model = load_all(settings.model_copy(update={"runtime": self._runtime}), self._folder)
+        except ModelError:
+            if self._runtime == settings.runtime:
+                raise
+            model = load_all(settings, self._folder)
+        if isinstance(model, Pipeline):
+            self._runtime = model.facts.runtime
+        return model
+
+
 def load(settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:
     """Load the model and run it once, so that the first real frame does not wait. Takes seconds; call it off the loop.
 
@@ -144,16 +170,20 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
         raise ModelError(f"{read.what}: not a model that can be used: {first_line(error)}") from error
 
 
-def tracking(settings: DetectorSettings, model: Model) -> Tracking | None:
-    """Return the tracker of a model's objects; the model must have been loaded here."""
+def tracking(settings: DetectorSettings, model: Model, is_shipped: Callable[[], bool] | None = None) -> Tracking | None:
+    """Return the tracker of a model's objects; the model must have been loaded here.
+
+    is_shipped: whether it is the shipped model now, unless the settings say it.
+    """
     if settings.tracker == "off":
         return None
     from services.detector.tracking.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
 
-    known = settings.track_score or (NEUTRAL if settings.is_shipped else None)
+    shipped = settings.is_shipped
 
     def neutral() -> float:
         confidence = model.tuning.confidence
+        known = settings.track_score or (NEUTRAL if (is_shipped() if is_shipped else shipped) else None)
         return known or neutral_score(settings.confidence if confidence is None else confidence)
 
     return Tracking(partial(UltralyticsTracker, settings.tracker, neutral))

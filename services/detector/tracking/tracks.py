@@ -7,6 +7,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Final, Protocol
 
 import msgspec
@@ -98,7 +99,8 @@ class Tracking:
             log.exception("%s: objects of frame %d are not followed", request.camera, request.frame.header.seq)
             self._cameras.pop(request.camera, None)
             return found
-        return DetectedObjects(objects, {**found.spans, "track": time.perf_counter_ns() - began_ns})
+        spans = {**found.spans, "track": time.perf_counter_ns() - began_ns}
+        return replace(found, objects=objects, spans=spans)
 
     def _tracks(self, camera: CameraKey) -> CameraTracks:
         tracks = self._cameras.get(camera) or CameraTracks(self._make)

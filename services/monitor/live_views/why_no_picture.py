@@ -6,6 +6,7 @@ from typing import Final
 
 from schemas.keys import CameraKey, Stream
 from schemas.status import WorkerStatus
+from schemas.worker_keys import DETECTOR
 from services.monitor.fleet import Fleet
 from services.monitor.formats import natural
 
@@ -101,6 +102,10 @@ def why_nothing(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
 def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> Reason:
     if not facts.workers:
         return Reason(f"No {service} runs", f"Start one anywhere with fleetsight {service} --connect {facts.join}")
+    waiting = [worker for worker in facts.workers if service == DETECTOR and not worker.model and worker.remarks]
+    if waiting and len(waiting) == len(facts.workers):
+        told = "; ".join(f"{worker.worker}: {worker.remarks[0]}" for worker in waiting[:3])
+        return Reason(f"No {service} has a model yet", told)
     if not facts.serving:
         names = ", ".join(sorted((worker.worker for worker in facts.workers), key=natural)[:3])
         return Reason(

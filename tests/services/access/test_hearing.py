@@ -45,6 +45,9 @@ HEARD = [
     ("wall", "fleet/*/*/*", "fleet/r2/front/classes", False),
     ("wall", "fleet/**", "fleet/r2/front/classes", False),
     ("wall", "workers/**", "workers/detector/gpu1-12-ab/status", False),
+    ("gpu1", "models/registry", "models/registry", True),
+    ("r1", "models/registry", "models/registry", True),
+    ("rack1", "models/registry", "models/registry", False),
     ("stranger", "fleet/**", "fleet/r2/front/classes", False),
 ]
 
@@ -70,6 +73,7 @@ def test_what_it_hears(fleet: Fleet, name: str, expression: str, key: str, allow
         ("wall", "fleet/r2/front/classes", True),
         ("wall", "fleet/r2/front/detections", False),
         ("ann", "fleet/r2/front/detections", True),
+        ("gpu1", "models/registry", True),
         ("stranger", "fleet/r2/front/classes", False),
     ],
 )
@@ -120,6 +124,16 @@ ASKED = [
     ("wall", "services/monitor/inventory", False),
     ("wall", "world/main/objects", False),
     ("wall", "fleet/r2/service/reset", False),
+    ("ann", "models/publish", True),
+    ("ann", "models/use", True),
+    ("gpu1", "models/piece", True),
+    ("gpu1", "models/publish", False),
+    ("gpu1", "models/use", False),
+    ("r1", "models/piece", True),
+    ("r1", "models/use", False),
+    ("central2", "models/use", False),
+    ("rack1", "models/piece", False),
+    ("wall", "models/list", False),
     ("stranger", "services/monitor/inventory", False),
 ]
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 import zenoh
 
-from services.access.roles import ALL
+from services.access.roles import ALL, MODELS
 from tests.services.access.links import (
     ANSWER_S,
     QUIET_S,
@@ -65,6 +65,9 @@ SENT = [
     ("berlin", "world/main/changes", False),
     ("r1", "warehouses/berlin/report", False),
     ("central2", "warehouses/berlin/report", False),
+    ("central2", "models/registry", True),
+    ("ann", "models/registry", False),
+    ("gpu1", "models/registry", False),
     ("stranger", "fleet/stranger/front/color", False),
 ]
 
@@ -80,7 +83,7 @@ def test_what_it_sends(fleet: Fleet, name: str, key: str, kind: str, allowed: bo
         "declared": lambda: publisher and publisher.put(b"x"),
     }[kind]
     seen = Seen()
-    subscribers = [fleet.central.declare_subscriber(expression, seen) for expression in ALL]
+    subscribers = [fleet.central.declare_subscriber(expression, seen) for expression in (*ALL, MODELS)]
     try:
         if publisher is not None:
             until_matching(publisher, expected=allowed)
@@ -111,6 +114,9 @@ ANSWERED = [
     ("central2", "services/monitor/inventory", True),
     ("ann", "services/monitor/inventory", False),
     ("wall", "world/main/objects", False),
+    ("central2", "models/piece", True),
+    ("gpu1", "models/piece", False),
+    ("ann", "models/use", False),
     ("stranger", "fleet/r1/clock", False),
 ]
 

@@ -74,3 +74,12 @@ def test_shipped_weights_go_by_their_names(tmp_path: Path, monkeypatch: pytest.M
     assert DetectorSettings(model=SHIPPED_MODEL.name).is_shipped
     (tmp_path / SHIPPED_MODEL.name).write_bytes(b"another")
     assert DetectorSettings(model=SHIPPED_MODEL.name).model == SHIPPED_MODEL.name
+
+
+def test_the_fleet_s_model_is_no_file_and_no_opinion() -> None:
+    assert DetectorSettings(model="fleet").follows_fleet
+    assert not DetectorSettings(model="fleet").is_shipped
+    with pytest.raises(ValidationError, match="--opinion tries one model beside the fleet's: name its file"):
+        DetectorSettings(model="fleet", opinion=True)
+    with pytest.raises(ValidationError, match="--detection-model fleet: no such file"):
+        DetectorSettings(detection_model="fleet")

@@ -6,7 +6,8 @@ from typing import Annotated, ClassVar, Literal
 import pytest
 from pydantic import BaseModel, Field
 
-from services.toolbox.commands import COMMANDS, Command
+from services.toolbox.command import Command
+from services.toolbox.commands import COMMANDS
 from services.toolbox.help import EXIT_CODES, Usage, help_text
 
 

@@ -9,7 +9,8 @@ from typing import Final
 import pytest
 from pydantic import BaseModel
 
-from services.toolbox.commands import COMMANDS, Command
+from services.toolbox.command import Command
+from services.toolbox.commands import COMMANDS
 from services.toolbox.settings import names_of
 
 ROOT: Final = Path(__file__).parents[3]

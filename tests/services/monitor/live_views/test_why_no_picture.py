@@ -16,6 +16,7 @@ BOXES_ONLY = WorkerStatus(
     sent_ns=1,
     remarks=["m.pt has no masks: overlay/segmentation, distances and objects are silent"],
 )
+MODELLESS = WorkerStatus(service="detector", worker="w2", model="", sent_ns=1, remarks=["no model is in force: ..."])
 GOOD = Facts(known=True, robot_online=True, camera_online=True, serving=(WORKER,), workers=(WORKER,))
 
 
@@ -33,6 +34,8 @@ GOOD = Facts(known=True, robot_online=True, camera_online=True, serving=(WORKER,
         (replace(GOOD, camera_online=False), "front is not published on r1", "fleetsight doctor --robot r1"),
         (replace(GOOD, serving=(), workers=()), "No detector runs", "fleetsight detector"),
         (replace(GOOD, serving=()), "No detector serves r1/front", "w1 runs"),
+        (replace(GOOD, serving=(), workers=(WORKER, MODELLESS)), "No detector serves r1/front", "w1, w2 runs"),
+        (replace(GOOD, serving=(), workers=(MODELLESS,)), "No detector has a model yet", "w2: no model is in force"),
         (replace(GOOD, serving=(BOXES_ONLY,)), "This model cannot do that", "has no masks"),
         (GOOD, WAITING, "some seconds"),
         (

@@ -1,0 +1,176 @@
+"""Talks to the model registry, and prints what came of it."""
+
+import asyncio
+import getpass
+import socket
+import sys
+import tempfile
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from bus import Bus, NotServedError, RefusedError, RequestError, open_bus
+from schemas.errors import SchemaError
+from schemas.header import MAX_LABEL
+from schemas.models import MAX_MODEL_BYTES, SHORT_DIGEST, ModelRegistry, ModelUse, PublishedModel
+from schemas.printing import printable
+from services.model_registry.client import ask_registry, publish_model, use_model
+from services.toolbox.model.listing import as_json, as_table, worker_statuses
+from services.toolbox.model.settings import ModelSettings
+
+FAILED: Final = 1
+MIN_PREFIX: Final = 4
+"""Letters of a digest that stand for it at least."""
+
+NO_REGISTRY: Final = (
+    "no model registry answers: start the fleet's monitor with --models FOLDER; where there are access rules, only"
+    " an operator's certificate may ask"
+)
+
+
+class _ModelCommandError(Exception):
+    """It cannot be done; the message is one line for the user."""
+
+
+async def run(settings: ModelSettings) -> int:
+    """Run the task; print what was done, or on stderr why not. Returns the exit code.
+
+    Raises:
+        ModelError: the file to publish is no model that detectors could use.
+    """
+    try:
+        await _TASKS[settings.task](settings)
+    except NotServedError as error:
+        return _fail(str(error) if "router" in str(error) else NO_REGISTRY)
+    except (RequestError, SchemaError, _ModelCommandError) as error:
+        return _fail(str(error))
+    except OSError as error:
+        return _fail(f"{error.filename or settings.target}: {error.strerror}")
+    return 0
+
+
+def _fail(reason: str) -> int:
+    sys.stderr.write(f"fleetsight model: {printable(' '.join(reason.split()))}\n")
+    return FAILED
+
+
+def _print(line: str) -> None:
+    sys.stdout.write(f"{printable(line)}\n")
+
+
+async def _publish(settings: ModelSettings) -> None:
+    file = Path(settings.target)
+    model = await asyncio.to_thread(_described, file, settings.published_name)
+    async with open_bus(settings) as bus:
+        known = await ask_registry(bus, settings.timeout_s)
+        if (same := known.find(model.digest)) is not None:
+            _print(f"published already: {same.label}, by {same.by}")
+            return
+        await publish_model(bus, model, file, _Progress(model))
+    _print(f"published: {model.label}, {model.about}")
+    _print(f"put it in force with: fleetsight model use {model.name}")
+
+
+def _described(file: Path, name: str) -> PublishedModel:
+    """Return all that is published about a file but its time. Loads it: takes seconds.
+
+    Raises:
+        ModelError: it is no model that detectors could use.
+    """
+    size = file.stat().st_size
+    if size > MAX_MODEL_BYTES:
+        raise _ModelCommandError(f"{file} has {size} bytes: the registry takes files of {MAX_MODEL_BYTES} at most")
+    from services.detector.runtime.offline import keep_offline  # noqa: PLC0415 - only publishing needs the extra
+
+    with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
+        keep_offline(Path(folder), download=False)
+        from services.detector.runtime.weights import load_weights  # noqa: PLC0415 - it is heavy
+
+        weights = load_weights(str(file), "publish")
+    names = list(dict.fromkeys(weights.names.values()))
+    about = f"{'segmentation' if weights.segments else 'detection'} of {', '.join(names)}"[:MAX_LABEL]
+    return PublishedModel(digest=weights.digest, name=name, size=size, by=_myself(), about=about)
+
+
+def _myself() -> str:
+    user = "somebody"
+    with suppress(OSError, KeyError):  # a user id without a name
+        user = getpass.getuser()
+    return f"{user}@{socket.gethostname()}"[:MAX_LABEL]
+
+
+class _Progress:
+    """Shows on a terminal how much of a file was sent."""
+
+    def __init__(self, model: PublishedModel) -> None:
+        self._model = model
+
+    def __call__(self, there: int) -> None:
+        if sys.stderr.isatty():
+            end = "\n" if there >= self._model.size else ""
+            line = f"\r{self._model.name}: {there / 1e6:.1f} of {self._model.size / 1e6:.1f} MB{end}"
+            sys.stderr.write(line)
+            sys.stderr.flush()
+
+
+async def _use(settings: ModelSettings) -> None:
+    async with open_bus(settings) as bus:
+        model = chosen(await ask_registry(bus, settings.timeout_s), settings.target)
+        asked = ModelUse(digest=model.digest, robots=settings.robots)
+        _tell(await _changed(bus, asked, settings.timeout_s))
+
+
+async def _back(settings: ModelSettings) -> None:
+    async with open_bus(settings) as bus:
+        _tell(await _changed(bus, ModelUse(digest=""), settings.timeout_s))
+
+
+async def _changed(bus: Bus, asked: ModelUse, timeout_s: float) -> ModelRegistry:
+    try:
+        return await use_model(bus, asked, timeout_s)
+    except RefusedError as error:
+        raise _ModelCommandError(str(error)) from error
+
+
+def _tell(state: ModelRegistry) -> None:
+    in_force, canary = state.find(state.in_force), state.find(state.canary)
+    _print("in force: " + ("no model" if in_force is None else in_force.label))
+    if canary is not None:
+        _print(f"canary for {', '.join(state.robots)}: {canary.label}")
+    _print("which workers run it by now: fleetsight model list")
+
+
+def chosen(state: ModelRegistry, target: str) -> PublishedModel:
+    """Return the model of this name, or whose digest begins so; also of a label, name@digest.
+
+    Raises:
+        _ModelCommandError: there is none, or there are several.
+    """
+    for each in state.models:
+        if target in {each.name, each.label, f"{each.label}.pt"}:
+            return each
+    prefix = target.lower()
+    found = [each for each in state.models if len(prefix) >= MIN_PREFIX and each.digest.startswith(prefix)]
+    if len(found) > 1:
+        several = ", ".join(f"{each.name} {each.digest[: max(SHORT_DIGEST, len(prefix) + 1)]}" for each in found)
+        raise _ModelCommandError(f"{target[:80]} is ambiguous: {several}; write more letters, or the name")
+    if not found:
+        known = ", ".join(each.name for each in state.models) or "none is published yet"
+        raise _ModelCommandError(f"no published model is called {target[:80]!r}; there are: {known}")
+    return found[0]
+
+
+async def _list(settings: ModelSettings) -> None:
+    async with open_bus(settings) as bus:
+        state = await ask_registry(bus, settings.timeout_s)
+        statuses = await worker_statuses(bus)
+    sys.stdout.write(as_json(state, statuses) if settings.json_ else as_table(state, statuses))
+
+
+_TASKS: Final[Mapping[str, Callable[[ModelSettings], Awaitable[None]]]] = {
+    "publish": _publish,
+    "list": _list,
+    "use": _use,
+    "back": _back,
+}

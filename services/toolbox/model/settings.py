@@ -1,0 +1,81 @@
+"""Settings of `fleetsight model`."""
+
+from pathlib import Path
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+
+from bus.settings import BusSettings
+from bus.sharing.settings import RobotName
+from schemas.errors import SchemaError
+from schemas.keys import check_name
+from schemas.models import MAX_CANARY_ROBOTS
+from schemas.printing import printable
+from services.option_names import given_as_options
+
+OWN: Final = {"robots": "use", "name": "publish", "json_": "list"}
+"""The task of each option that only one has."""
+
+
+def _name(text: str) -> str:
+    try:
+        if text:
+            check_name("model", text)
+    except SchemaError as error:
+        raise ValueError(str(error)) from error
+    return text
+
+
+class ModelSettings(BusSettings):
+    """Roll out a model to all detectors with `--model fleet`, through the registry of `fleetsight monitor --models`.
+
+    publish sends a file of weights to the registry. use puts a published model in force for the whole fleet; with
+    --robots it is a canary: only the cameras of those robots are looked at with it. back ends a canary, or else puts
+    the model in force that was before. list shows the models, and which workers run which. Exit code 1 and one line
+    say why nothing was done.
+    """
+
+    task: Annotated[Literal["publish", "list", "use", "back"], Field(description="what to do")]
+    target: Annotated[
+        str, Field(description="publish: the file; use: a model's name, or the beginning of its digest")
+    ] = ""
+    name: Annotated[
+        str, AfterValidator(_name), Field(description="name of the published model; by default that of the file")
+    ] = ""
+    robots: Annotated[
+        list[RobotName],
+        Field(max_length=MAX_CANARY_ROBOTS, description="robots of a canary; by default the model is for all"),
+    ] = []
+    json_: Annotated[bool, Field(alias="json", description="list as one JSON object")] = False
+    timeout_s: Annotated[float, Field(gt=0, le=60, description="seconds to wait for the monitor's answer")] = 10.0
+
+    @model_validator(mode="after")
+    def _fits_the_task(self, info: ValidationInfo) -> Self:
+        for option, task in OWN.items():
+            if self.task != task and option in given_as_options(self, info):
+                raise ValueError(f"{self.task} takes no --{option.strip('_')}; only {task} does")
+        if (self.task in {"publish", "use"}) != bool(self.target):
+            wanted = {
+                "publish": "a file: fleetsight model publish best.pt",
+                "use": "a model: fleetsight model use NAME",
+            }
+            raise ValueError(
+                f"{self.task} needs {wanted[self.task]}" if not self.target else f"{self.task} takes no name"
+            )
+        if self.task == "publish":
+            self._check_file()
+        return self
+
+    def _check_file(self) -> None:
+        file = printable(self.target)
+        if not Path(self.target).is_file():
+            raise ValueError(f"{file}: {'a folder' if Path(self.target).is_dir() else 'no such file'}")
+        try:
+            _name(self.published_name)
+        except ValueError as error:
+            raise ValueError(f"{error}; --name gives the model another one than its file has") from error
+
+    @property
+    def published_name(self) -> str:
+        """The name under which the file is published."""
+        return self.name or Path(self.target).stem

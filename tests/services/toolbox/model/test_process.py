@@ -1,0 +1,186 @@
+"""The command against a registry of the test's own; with real workers in tests/integration/services."""
+
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from bus import Bus, BusSettings, QoS, open_bus
+from schemas import codec
+from schemas.models import ModelRegistry, ModelUse
+from schemas.status import WorkerStatus
+from schemas.worker_keys import worker_status
+from services.detector.model import ModelError
+from services.detector.settings import SHIPPED_MODEL
+from services.model_registry.client import ask_registry, publish_model, use_model
+from services.model_registry.registry import digest_of
+from services.model_registry.serving import serving_models
+from services.toolbox.demo.children import free_ports
+from services.toolbox.model import listing
+from services.toolbox.model.process import _ModelCommandError, chosen, run
+from services.toolbox.model.settings import ModelSettings
+from tests.services.model_registry.publishing import model_of
+from tests.waiting import PATIENCE_S
+
+ONE, TWO = (model_of(content, content.decode()) for content in (b"one", b"two"))
+
+
+class Site:
+    """A monitor's bus with a registry, and the command against it."""
+
+    def __init__(self, bus: Bus, endpoint: str, folder: Path) -> None:
+        self.bus = bus
+        self.folder = folder
+        self._endpoint = endpoint
+
+    async def run(self, *arguments: str, **options: object) -> int:
+        fields = dict(zip(("task", "target"), arguments, strict=False))
+        return await run(ModelSettings.model_validate({"connect": [self._endpoint], **fields, **options}))
+
+    async def publish(self, *contents: bytes) -> None:
+        for content in contents:
+            file = self.folder / "file"
+            file.write_bytes(content)
+            await publish_model(self.bus, model_of(content, content.decode()), file, lambda _: None)
+
+    async def state(self) -> ModelRegistry:
+        return await ask_registry(self.bus, PATIENCE_S)
+
+
+@asynccontextmanager
+async def site_in(folder: Path) -> AsyncIterator[Site]:
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
+    async with open_bus(BusSettings(mode="router", listen=[endpoint])) as bus:
+        yield Site(bus, endpoint, folder)
+
+
+@pytest.fixture
+async def site(tmp_path: Path) -> AsyncIterator[Site]:
+    async with site_in(tmp_path) as made, serving_models(made.bus, tmp_path / "registry"):
+        yield made
+
+
+async def test_publish_says_what_the_model_detects_and_how_to_use_it(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert await site.run("publish", str(SHIPPED_MODEL), name="site-2") == 0
+    (model,) = (await site.state()).models
+    assert (model.name, model.digest) == ("site-2", digest_of(SHIPPED_MODEL))
+    assert model.about == "segmentation of box, pallet, forklift"
+    assert "@" in model.by
+    assert capsys.readouterr().out.splitlines() == [
+        f"published: {model.label}, segmentation of box, pallet, forklift",
+        "put it in force with: fleetsight model use site-2",
+    ]
+    assert await site.run("publish", str(SHIPPED_MODEL), name="again") == 0
+    assert capsys.readouterr().out == f"published already: {model.label}, by {model.by}\n"
+
+
+async def test_a_file_that_is_no_checkpoint_is_not_published(site: Site, tmp_path: Path) -> None:
+    (tmp_path / "bad.pt").write_bytes(b"no weights")
+    with pytest.raises(ModelError, match=r"publish .*/bad.pt: not a model that can be used"):
+        await site.run("publish", str(tmp_path / "bad.pt"))
+    assert (await site.state()).models == []
+
+
+async def test_a_name_that_is_taken_is_an_error(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
+    await site.publish(b"one")
+    assert await site.run("publish", str(SHIPPED_MODEL), name="one") == 1
+    assert capsys.readouterr().err == (
+        f"fleetsight model: one is the name of {ONE.label}: give this one another (--name)\n"
+    )
+
+
+async def test_use_back_and_a_canary(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
+    await site.publish(b"one", b"two")
+    assert await site.run("use", "one") == 0
+    assert await site.run("use", TWO.digest[:6], robots=["r2", "r1"]) == 0
+    state = await site.state()
+    assert (state.in_force, state.canary, state.robots) == (ONE.digest, TWO.digest, ["r1", "r2"])
+    assert capsys.readouterr().out.splitlines()[-3:-1] == [
+        f"in force: {ONE.label}",
+        f"canary for r1, r2: {TWO.label}",
+    ]
+    assert await site.run("back") == 0
+    assert (await site.state()).canary == ""
+    assert await site.run("back") == 1
+    assert capsys.readouterr().err == ("fleetsight model: there is no model to go back to: none was in force before\n")
+
+
+async def test_list_shows_models_and_the_workers_that_run_them(
+    site: Site, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listing, "LISTEN_S", 0.5)
+    await site.publish(b"one", b"two")
+    await use_model(site.bus, ModelUse(digest=ONE.digest), PATIENCE_S)
+    await use_model(site.bus, ModelUse(digest=TWO.digest, robots=["r1"]), PATIENCE_S)
+    status = WorkerStatus(
+        service="detector", worker="w1", model=ONE.label, canary=TWO.label, sent_ns=1, remarks=["a remark\x1b"]
+    )
+    key, encoding = worker_status("detector", "w1"), codec.encoding(WorkerStatus)
+    async with site.bus.publisher(key, QoS.STATUS, encoding=encoding) as worker:
+        worker.put(codec.encode(status))
+        assert await site.run("list") == 0
+        table = capsys.readouterr().out
+        assert await site.run("list", json=True) == 0
+        listed = json.loads(capsys.readouterr().out)
+    newest, oldest = table.splitlines()[1:3]
+    assert newest.split()[:3] == ["two", TWO.digest[:12], "0.0"]
+    assert newest.endswith("canary for r1")
+    assert oldest.endswith("in force")
+    assert f"w1      {ONE.label}  canary {TWO.label}" in table
+    assert "  w1: a remark\\x1b\n" in table
+    assert listed["workers"] == [{"worker": "w1", "model": ONE.label, "canary": TWO.label, "remarks": ["a remark\x1b"]}]
+    assert [each["digest"] for each in listed["models"]] == [ONE.digest, TWO.digest]
+
+
+async def test_an_empty_registry_says_how_to_begin(
+    site: Site, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listing, "LISTEN_S", 0.1)
+    assert await site.run("list") == 0
+    assert capsys.readouterr().out == (
+        "no model is published yet: fleetsight model publish FILE\n\nno detector worker is heard\n"
+    )
+
+
+@pytest.mark.parametrize("arguments", [("list",), ("back",), ("use", "one"), ("publish", str(SHIPPED_MODEL))])
+async def test_without_a_registry_they_say_how_to_switch_it_on(
+    tmp_path: Path, arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    async with site_in(tmp_path) as site:
+        assert await site.run(*arguments) == 1
+    assert "no model registry answers: start the fleet's monitor with --models FOLDER" in capsys.readouterr().err
+
+
+async def test_without_a_router_they_say_so(capsys: pytest.CaptureFixture[str]) -> None:
+    nowhere = f"tcp/127.0.0.1:{free_ports(1)}"
+    settings = ModelSettings.model_validate({"task": "list", "connect": [nowhere]})
+    assert await run(settings) == 1
+    assert capsys.readouterr().err == f"fleetsight model: there is no router at {nowhere} yet\n"
+
+
+def named(name: str, digest: str) -> ModelRegistry:
+    model = model_of(name.encode(), name)
+    return ModelRegistry(models=[type(model)(digest=digest, name=name, size=1)])
+
+
+def test_a_model_is_chosen_by_name_label_or_the_beginning_of_its_digest() -> None:
+    state = ModelRegistry(models=[ONE, TWO])
+    for target in ("one", ONE.label, f"{ONE.label}.pt", ONE.digest, ONE.digest[:4], ONE.digest[:9].upper()):
+        assert chosen(state, target) == ONE
+    for target in ("on", ONE.digest[:3], "0" * 64):
+        with pytest.raises(_ModelCommandError, match=f"no published model is called '{target}'; there are: one, two"):
+            chosen(state, target)
+    with pytest.raises(_ModelCommandError, match="there are: none is published yet"):
+        chosen(ModelRegistry(models=[]), "one")
+
+
+def test_an_ambiguous_digest_shows_what_tells_the_models_apart() -> None:
+    digests = ["abcd" + "0" * 60, "abcd" + "1" * 60]
+    state = ModelRegistry(models=[model for n, digest in enumerate(digests) for model in named(f"m{n}", digest).models])
+    with pytest.raises(_ModelCommandError, match="abcd is ambiguous: m0 abcd00000000, m1 abcd11111111; write more"):
+        chosen(state, "abcd")
+    assert chosen(state, "abcd1").name == "m1"

@@ -1,0 +1,43 @@
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from services.toolbox.commands import COMMANDS
+from services.toolbox.model.settings import ModelSettings
+
+COMMAND = next(command for command in COMMANDS if command.name == "model")
+
+
+@pytest.mark.parametrize(
+    ("fields", "why"),
+    [
+        ({"task": "use"}, "use needs a model: fleetsight model use NAME"),
+        ({"task": "publish"}, "publish needs a file"),
+        ({"task": "list", "target": "x"}, "list takes no name"),
+        ({"task": "back", "robots": ["r1"]}, "back takes no --robots; only use does"),
+        ({"task": "use", "target": "x", "name": "y"}, "use takes no --name; only publish does"),
+        ({"task": "use", "target": "x", "json": True}, "use takes no --json; only list does"),
+        ({"task": "use", "target": "x", "robots": ["a b"]}, "robot name 'a b'"),
+        ({"task": "publish", "target": "/nowhere.pt"}, "/nowhere.pt: no such file"),
+        ({"task": "publish", "target": "/"}, "/: a folder"),
+        ({"task": "publish", "target": __file__, "name": "a/b"}, "model name 'a/b'"),
+    ],
+)
+def test_what_does_not_fit_is_refused(fields: dict[str, object], why: str) -> None:
+    with pytest.raises(ValidationError, match=why):
+        ModelSettings.model_validate(fields)
+
+
+def test_a_file_s_name_that_cannot_be_a_model_s_needs_another(tmp_path: Path) -> None:
+    (tmp_path / "my model.pt").touch()
+    given = {"task": "publish", "target": str(tmp_path / "my model.pt")}
+    with pytest.raises(ValidationError, match="--name gives the model another one than its file has"):
+        ModelSettings.model_validate(given)
+    assert ModelSettings.model_validate({**given, "name": "mine"}).published_name == "mine"
+
+
+def test_task_and_model_need_no_option() -> None:
+    assert COMMAND.options_of(["use", "site-2", "--robots", "r1"]) == [
+        "--task", "use", "--target", "site-2", "--robots", "r1",
+    ]  # fmt: skip
