@@ -3,6 +3,7 @@
 import re
 import threading
 import warnings
+import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -34,6 +35,9 @@ NO_PICKLE: Final = "damaged, or not written by torch"
 DOWNLOADS: Final = threading.RLock()
 """Held by whoever has Ultralytics look for a file, for `exact_names` changes how it does so in the whole process."""
 
+MOST_BYTES: Final = 4 << 30
+"""Of a file as it is unpacked. The largest published models have some 150 MB."""
+
 SHOUTED: Final = "ERROR \u274c\ufe0f "
 MAX_NAMED: Final = 3
 """Types or entries that a refusal names at most."""
@@ -51,6 +55,7 @@ def read_checkpoint(file: Path) -> tuple[Any, dict[str, Any]]:
     """
     torch.serialization.add_safe_globals([type(np.dtype(code)) for code in NUMBERS])
     path = file.absolute()  # what begins with a scheme would be an address
+    _check_size(path)
     try:
         with warnings.catch_warnings(), exact_names():
             warnings.simplefilter("ignore")  # what is wrong is said in one line
@@ -58,6 +63,20 @@ def read_checkpoint(file: Path) -> tuple[Any, dict[str, Any]]:
     except Exception as error:
         raise CheckpointError(_reason(path, error)) from error
     return model, content
+
+
+def _check_size(path: Path) -> None:
+    """Raise CheckpointError for a file that would fill the memory: torch's archives are never compressed."""
+    try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                size = sum(each.file_size for each in archive.infolist())
+        else:
+            size = path.stat().st_size
+    except (OSError, zipfile.BadZipFile):
+        return  # whoever reads it says what is wrong
+    if size > MOST_BYTES:
+        raise CheckpointError(f"it has {size} bytes unpacked, at most {MOST_BYTES} are loaded")
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import collections
 import sys
 import threading
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -258,3 +259,15 @@ def test_what_is_said_of_a_file_names_it_once(tmp_path: Path, model_folder: Path
     (tmp_path / "empty.pt").write_bytes(b"")
     said = refusal(tmp_path / "empty.pt", model_folder)
     assert said.startswith("it is not a loadable checkpoint")
+
+
+def test_a_small_file_that_unpacks_to_gigabytes_is_not_loaded(
+    tmp_path: Path, model_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bomb = tmp_path / "bomb.pt"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("archive/data/0", bytes(64 << 20))
+    assert bomb.stat().st_size < 100_000
+    monkeypatch.setattr("services.detector.runtime.checkpoint.MOST_BYTES", 32 << 20)
+    with pytest.raises(ModelError, match=r"it has 67108864 bytes unpacked, at most 33554432 are loaded$"):
+        load(DetectorSettings(connect=["tcp/127.0.0.1:7447"], model=str(bomb)), model_folder)
