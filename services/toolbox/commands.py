@@ -108,7 +108,7 @@ COMMANDS: Final = (
         "services.monitor.process:run",
         refusals=(
             "bus:BusError",
-            "services.model_registry.registry:RegistryError",
+            "services.model_registry.folder:RegistryError",
             "services.monitor.history.state:OtherVersionError",
             "services.monitor.map.floor_plan:FloorPlanError",
             "services.monitor.rules.loading:RuleFileError",
