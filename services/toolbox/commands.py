@@ -209,7 +209,7 @@ COMMANDS: Final = (
         "publish weights to the fleet's detectors, put them in force, try them on single robots, go back",
         "services.toolbox.model.settings:ModelSettings",
         "services.toolbox.model.process:run",
-        refusals=("bus:BusError", "services.detector.model:ModelError"),
+        refusals=("bus:BusError",),
         extra="detector",
         positional=("task", "target"),
         log_level="error",
