@@ -82,7 +82,6 @@ async def answering(
         for key, handler in handlers.items():
             waiting = PIECES_WAITING if key is ModelKey.PIECE else WAITING
             await stack.enter_async_context(bus.serve(key, handler, waiting=waiting))
-        tell()
         yield tell
 
 

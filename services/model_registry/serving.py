@@ -41,6 +41,9 @@ GONE_S: Final = 30.0
 CLOSE_S: Final = 1.0
 """Seconds that a stopping monitor waits for what the registry does just then."""
 
+MAX_OTHERS: Final = 16
+"""Other registries that are noticed at once."""
+
 T = TypeVar("T")
 
 Holder = tuple[int, str]
@@ -134,10 +137,12 @@ class ModelService:
 
     def _hear(self, state: ModelRegistry) -> None:
         holder = (state.since_ns, state.registry)
-        if state.registry != self._name:
-            if holder not in self._others:
-                self._heard.set()
-            self._others[holder] = time.monotonic()
+        known = holder in self._others
+        if state.registry == self._name or (not known and len(self._others) >= MAX_OTHERS):
+            return
+        self._others[holder] = time.monotonic()
+        if not known:
+            self._heard.set()
 
     async def _keep_on(self) -> None:
         """Serve or stand by, as others do. Raises RegistryError."""

@@ -148,14 +148,15 @@ async def test_a_damaged_file_is_withdrawn_while_others_are_served(tmp_path: Pat
 
 
 async def test_half_a_file_ends_without_another_upload(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(uploads, "UPLOAD_IDLE_S", 0.5)
     file = tmp_path / "half"
-    file.write_bytes(LONG)
+    file.write_bytes(LONG * 5)
 
     def give_up(_: int) -> None:
         raise RequestError("given up")
 
     async with two_buses() as (monitor, other), serving_models(monitor, tmp_path / "registry"):
         with pytest.raises(RequestError, match="given up"):
-            await publish_model(other, model_of(LONG, "half"), file, give_up)
+            await publish_model(other, model_of(LONG * 5, "half"), file, give_up)
+        assert list((tmp_path / "registry" / UPLOADS).iterdir())
+        monkeypatch.setattr(uploads, "UPLOAD_IDLE_S", 0.0)
         await until(lambda: not list((tmp_path / "registry" / UPLOADS).iterdir()))
