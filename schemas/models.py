@@ -48,8 +48,10 @@ class PublishedModel(msgspec.Struct, frozen=True, kw_only=True):
 class ModelRegistry(msgspec.Struct, frozen=True, kw_only=True):
     """All published models, by age, and the digests of those in use; empty where there is none.
 
-    in_force: what workers with `--model fleet` run. before: what was in force before it. canary: what looks at the
-    cameras of `robots` instead.
+    in_force: what workers with `--model fleet` run. before: what was in force before it; empty once that was gone back
+    to. canary: what looks at the cameras of `robots` instead. registry, since_ns: the process that says so, and since
+    when it serves the registry, nanoseconds since the epoch. Of several at once the first by since_ns, then by
+    registry, goes on; the others end.
     """
 
     models: Annotated[list[PublishedModel], msgspec.Meta(max_length=MAX_MODELS)]
@@ -57,6 +59,8 @@ class ModelRegistry(msgspec.Struct, frozen=True, kw_only=True):
     before: MaybeDigest = ""
     canary: MaybeDigest = ""
     robots: Annotated[list[Name], msgspec.Meta(max_length=MAX_CANARY_ROBOTS)] = []
+    registry: Label = ""
+    since_ns: Nanoseconds = 0
 
     def find(self, digest: str) -> PublishedModel | None:
         """Return the model of a digest."""
@@ -95,11 +99,13 @@ class ModelUploadAnswer(msgspec.Struct, frozen=True, kw_only=True):
 class ModelUse(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Puts a model in force; with robots, as a canary for their cameras alone.
 
-    digest: empty to go back: a canary ends, else the model in force and the one before change places.
+    digest: empty to go back: a canary ends, else the model that was in force before is so again. leaving: with an empty
+    digest, the canary, or else the model in force, that this leaves; where that is another one by now, nothing is done.
     """
 
     digest: MaybeDigest
     robots: Annotated[list[Name], msgspec.Meta(max_length=MAX_CANARY_ROBOTS)] = []
+    leaving: MaybeDigest = ""
 
 
 def pieces_of(size: int) -> int:

@@ -106,8 +106,8 @@ def of_role(role: Role, name: str) -> Permissions:
 OF_ALL: Final = {
     Role.MONITOR: Permissions(
         sends=("fleet/*/alerts", "fleet/*/actions", "services/monitor/**", MODELS),
-        asks=ALL,
-        hears=ALL,
+        asks=(*ALL, ModelKey.LIST),
+        hears=(*ALL, ModelKey.REGISTRY),
         shows=WANTED,
         watches=PRESENCE,
     ),

@@ -3,9 +3,7 @@
 import hashlib
 import logging
 import os
-import shutil
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +12,7 @@ import msgspec
 from schemas.models import (
     MAX_MODELS,
     PIECE_BYTES,
+    SHORT_DIGEST,
     ModelPiece,
     ModelPieceRequest,
     ModelRegistry,
@@ -23,31 +22,12 @@ from schemas.models import (
     piece_bytes,
     pieces_of,
 )
-from services.whole_file import write_whole
+from services.model_registry.folder import UPLOADS, ModelFolder, RegistryError
+from services.model_registry.uploads import Upload, Uploads
 
 log = logging.getLogger(__name__)
 
-STATE_FILE: Final = "registry.json"
-UPLOADS: Final = "uploads"
-MAX_UPLOADS: Final = 4
-"""Files that are being published at once."""
-
-UPLOAD_IDLE_S: Final = 120.0
-"""Seconds without a piece after which an upload gives way to another one."""
-
-
-class RegistryError(Exception):
-    """The registry cannot do it; the message says why, and what helps."""
-
-
-@dataclass(slots=True)
-class _Upload:
-    """A file that is being published. missing: the pieces that it lacks. touched_s: when one came (steady clock)."""
-
-    model: PublishedModel
-    file: Path
-    missing: set[int]
-    touched_s: float
+DAMAGED: Final = "is damaged: it has another digest than what was published"
 
 
 def digest_of(file: Path) -> str:
@@ -61,23 +41,64 @@ def digest_of(file: Path) -> str:
 
 
 class Registry:
-    """The models in a folder, of which no other process may write.
+    """The models in a folder, which no other process serves until `close`.
 
     Beyond MAX_MODELS, publishing removes the oldest model that is neither in force, nor was before, nor is a canary.
 
     Raises:
-        RegistryError: the folder cannot be used, or its state not be read.
+        FolderInUseError: another process serves the folder.
+        RegistryError: the folder cannot be used.
     """
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._uploads: dict[str, _Upload] = {}
+        self._folder = ModelFolder(folder)
+        self._withdrawn: dict[str, str] = {}
         try:
-            shutil.rmtree(folder / UPLOADS, ignore_errors=True)  # half a file is worth nothing after a restart
-            (folder / UPLOADS).mkdir(parents=True)
-            self.state = self._load()
+            self._uploads = Uploads(folder / UPLOADS)
+            self.state = self._folder.load()
+            for model in self.state.models:
+                if why := self._lacks(model):
+                    self.withdraw(model.digest, why)
         except OSError as error:
+            self._folder.close()
             raise RegistryError(f"--models {folder}: {error.strerror}") from error
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Models that were lost, and what helps, in lines. For any thread."""
+        lost = tuple(self._withdrawn.values())
+        return lost if self.state.in_force or not self._folder.damage else (self._folder.damage, *lost)
+
+    def close(self) -> None:
+        """Let another process serve the folder."""
+        self._folder.close()
+
+    def why_damaged(self, model: PublishedModel) -> str:
+        """Return why a model's file is not the one that was published, or empty. Reads all of it. For any thread."""
+        try:
+            return self._lacks(model) or ("" if digest_of(self._folder.file(model.digest)) == model.digest else DAMAGED)
+        except OSError as error:
+            return f"cannot be read ({error.strerror})"
+
+    def withdraw(self, digest: str, why: str) -> None:
+        """Serve a model no longer; why: what is wrong with its file.
+
+        The state on the disk stays until the next change, so that a file that is restored counts again after a restart.
+        """
+        state = self.state
+        if (model := state.find(digest)) is None:
+            return
+        models = [each for each in state.models if each.digest != digest]
+        gone = {name: "" for name in ("in_force", "before", "canary") if getattr(state, name) == digest}
+        robots = [] if "canary" in gone else state.robots
+        self.state = _replaced(state, models=models, robots=robots, **gone)
+        was = ", which was in force," if digest == state.in_force else ""
+        self._withdrawn = {
+            **self._withdrawn,
+            digest: f"{model.label}{was} is withdrawn: {self._folder.file(digest)} {why}; publish it again"
+            + (" and put it in force" if was else ""),
+        }
+        log.error("%s", self._withdrawn[digest])
 
     def use(self, asked: ModelUse) -> None:
         """Put a model in force, or make it a canary, or go back; see `ModelUse`.
@@ -87,7 +108,7 @@ class Registry:
         """
         before = self.state
         if not asked.digest:
-            state = self._gone_back()
+            state = self._gone_back(asked.leaving)
         elif before.find(asked.digest) is None:
             raise RegistryError(f"no published model has the digest {asked.digest}")
         elif not asked.robots:
@@ -101,6 +122,8 @@ class Registry:
             robots = sorted(set(asked.robots))
             state = _replaced(before, canary=asked.digest, robots=robots)
         self._write(state)
+        if state.in_force != before.in_force:
+            self._withdrawn = {}  # whoever changed it knows what there is
 
     def piece(self, asked: ModelPieceRequest) -> ModelPiece:
         """Return a piece of a published file.
@@ -115,14 +138,14 @@ class Registry:
         if not size:
             raise RegistryError(f"{model.name} has {pieces_of(model.size)} pieces, and none with index {asked.index}")
         try:
-            with self._file(model.digest).open("rb") as file:
+            with self._folder.file(model.digest).open("rb") as file:
                 file.seek(asked.index * PIECE_BYTES)
                 data = file.read(size)
         except OSError as error:
             raise RegistryError(f"{model.name} cannot be read: {error.strerror}") from error
         return ModelPiece(digest=asked.digest, index=asked.index, data=memoryview(data))
 
-    def take(self, upload: ModelUpload, now_s: float) -> list[int]:
+    def take(self, piece: ModelUpload, now_s: float) -> list[int]:
         """Take a piece of a file that is being published; return the pieces that it lacks. Publish a complete file.
 
         now_s: on a steady clock.
@@ -131,109 +154,77 @@ class Registry:
             RegistryError: the name or the room is taken, the piece or the whole file is another one than it should be,
                 or it cannot be written.
         """
-        model = upload.model
+        model = piece.model
         if self.state.find(model.digest) is not None:
             return []
-        under_way = self._upload(model, now_s)
-        if len(upload.data) != piece_bytes(model.size, upload.index) or not len(upload.data):
-            raise RegistryError(f"a piece {upload.index} of {len(upload.data)} bytes does not belong to {model.name}")
         try:
-            with under_way.file.open("r+b") as file:
-                file.seek(upload.index * PIECE_BYTES)
-                file.write(upload.data)
-            under_way.missing.discard(upload.index)
-            under_way.touched_s = now_s
-            if not under_way.missing:
-                self._publish(under_way)
+            upload = self._uploads.of(model, self.state.models, now_s)
+            upload.write(piece, now_s)
+            if not upload.missing:
+                self._publish(upload)
         except OSError as error:
-            self._drop(model.digest)
+            self._uploads.drop(model.digest)
             raise RegistryError(f"{model.name} cannot be kept: {error.strerror}") from error
-        return sorted(under_way.missing)
+        return sorted(upload.missing)
 
-    def _load(self) -> ModelRegistry:
-        file = self._folder / STATE_FILE
-        if not file.exists():
-            return ModelRegistry(models=[])
-        try:
-            state = msgspec.json.decode(file.read_bytes(), type=ModelRegistry)
-        except (msgspec.MsgspecError, UnicodeError) as error:
-            raise RegistryError(
-                f"--models {self._folder}: {STATE_FILE} is damaged ({error}): restore it from a backup, or remove it"
-                " and publish the models again"
-            ) from error
-        there = [each for each in state.models if self._is_whole(each)]
-        for lost in (each for each in state.models if each not in there):
-            log.warning("--models %s: the file of %s is gone, and so is the model", self._folder, lost.label)
-        known = {each.digest for each in there}
-        gone = {name: "" for name in ("in_force", "before", "canary") if getattr(state, name) not in known}
-        robots = state.robots if state.canary in known else []
-        return msgspec.structs.replace(state, models=there, robots=robots, **gone)
+    def end_idle_uploads(self, now_s: float) -> None:
+        """Remove half a file of which no piece came for a while. now_s: on the clock of `take`."""
+        self._uploads.end_idle(now_s)
 
-    def _is_whole(self, model: PublishedModel) -> bool:
-        file = self._file(model.digest)
-        return file.is_file() and file.stat().st_size == model.size
+    def _lacks(self, model: PublishedModel) -> str:
+        """Return why a file cannot be the model's without reading it, or empty. Raises OSError."""
+        file = self._folder.file(model.digest)
+        if not file.is_file():
+            return "is gone"
+        size = file.stat().st_size
+        return "" if size == model.size else f"has {size} bytes instead of {model.size}"
 
-    def _gone_back(self) -> ModelRegistry:
+    def _gone_back(self, leaving: str) -> ModelRegistry:
         state = self.state
+        now = state.canary or state.in_force
+        if leaving and leaving != now:
+            left, there = state.find(leaving), state.find(now)
+            raise RegistryError(
+                f"{leaving[:SHORT_DIGEST] if left is None else left.label} was left meanwhile: now going back would"
+                f" leave {'no model' if there is None else there.label}; look again: fleetsight model list"
+            )
         if state.canary:
             return _replaced(state, canary="", robots=[])
         if not state.before:
-            raise RegistryError("there is no model to go back to: none was in force before")
-        return _replaced(state, in_force=state.before, before=state.in_force)
+            raise RegistryError(
+                "there is no model to go back to: none was in force before the one that is, or going back was done"
+                " already; fleetsight model use NAME puts any model in force"
+            )
+        return _replaced(state, in_force=state.before, before="")
 
-    def _upload(self, model: PublishedModel, now_s: float) -> _Upload:
-        for digest in [each for each, old in self._uploads.items() if now_s - old.touched_s > UPLOAD_IDLE_S]:
-            self._drop(digest)
-        if found := self._uploads.get(model.digest):
-            if (found.model.name, found.model.size) != (model.name, model.size):
-                raise RegistryError(f"this file is being published as {found.model.name} by {found.model.by}")
-            return found
-        under_way = [each.model for each in self._uploads.values()]
-        for other in (*self.state.models, *under_way):
-            if other.name == model.name:
-                raise RegistryError(f"{model.name} is the name of {other.label}: give this one another (--name)")
-        if len(self._uploads) >= MAX_UPLOADS:
-            raise RegistryError(f"{MAX_UPLOADS} models are being published already: try again in a minute or two")
-        file = self._folder / UPLOADS / model.digest
-        try:
-            file.touch()
-        except OSError as error:
-            raise RegistryError(f"{model.name} cannot be kept: {error.strerror}") from error
-        made = self._uploads[model.digest] = _Upload(model, file, set(range(pieces_of(model.size))), now_s)
-        return made
-
-    def _publish(self, upload: _Upload) -> None:
+    def _publish(self, upload: Upload) -> None:
         model = msgspec.structs.replace(upload.model, published_ns=time.time_ns())
         with upload.file.open("r+b") as file:
             os.fsync(file.fileno())
         if digest_of(upload.file) != model.digest:
-            self._drop(model.digest)
+            self._uploads.drop(model.digest)
             raise RegistryError(f"{model.name}: what arrived has another digest than the file: publish it again")
-        upload.file.replace(self._file(model.digest))
-        del self._uploads[model.digest]
+        kept = self._folder.file(model.digest)
+        upload.file.replace(kept)
+        self._uploads.drop(model.digest)
         models = [*self.state.models, model]
         in_use = {self.state.in_force, self.state.before, self.state.canary}
         unused = [each for each in models if each.digest not in in_use]
         left_out = unused[0] if len(models) > MAX_MODELS else None
-        self._write(_replaced(self.state, models=[each for each in models if each is not left_out]))
+        try:
+            self._write(_replaced(self.state, models=[each for each in models if each is not left_out]))
+        except RegistryError:
+            kept.unlink(missing_ok=True)
+            raise
+        self._withdrawn = {digest: lost for digest, lost in self._withdrawn.items() if digest != model.digest}
         if left_out is not None:
-            self._file(left_out.digest).unlink(missing_ok=True)
+            self._folder.file(left_out.digest).unlink(missing_ok=True)
             log.info("%s, the oldest that is not in use, is removed: %d models are kept", left_out.label, MAX_MODELS)
         log.info("%s is published by %s: %s", model.label, model.by, model.about)
 
-    def _drop(self, digest: str) -> None:
-        if (upload := self._uploads.pop(digest, None)) is not None:
-            upload.file.unlink(missing_ok=True)
-
     def _write(self, state: ModelRegistry) -> None:
-        try:
-            write_whole(self._folder / STATE_FILE, msgspec.json.format(msgspec.json.encode(state)))
-        except OSError as error:
-            raise RegistryError(f"{self._folder / STATE_FILE} cannot be written: {error.strerror}") from error
+        self._folder.write(state)
         self.state = state
-
-    def _file(self, digest: str) -> Path:
-        return self._folder / f"{digest}.pt"
 
 
 def _replaced(state: ModelRegistry, **fields: object) -> ModelRegistry:

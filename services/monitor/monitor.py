@@ -11,6 +11,7 @@ from bus import Bus
 from bus.session.access import open_endpoints
 from schemas.alerts import Alert, AlertState
 from schemas.worker_keys import DETECTOR, OPINION
+from services.model_registry.serving import ModelService
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY
@@ -68,7 +69,7 @@ class Monitor:
     """Everything in a running monitor.
 
     floor_plan: the map's background. zones: the file of them. started_ns: its start, epoch. centre: its link to the
-    monitor above it, if it has one.
+    monitor above it, if it has one. models: the registry of published models, if it keeps one.
 
     What is made of the whole fleet (`snapshot`, `inventory`) is made at most every MAX_AGE_S for all callers.
     """
@@ -84,6 +85,7 @@ class Monitor:
     floor_plan: FloorPlan | None = None
     zones: ZoneFile = field(default_factory=lambda: ZoneFile(None, World(on=False)))
     centre: CentreLink = field(default_factory=CentreLink)
+    models: ModelService | None = None
     started_ns: int = field(default_factory=time.time_ns)
     _workers: tuple[float, Workers] | None = field(default=None, init=False, repr=False)
     _remarks: tuple[float, RuleBook, list[str]] | None = field(default=None, init=False, repr=False)
@@ -190,6 +192,7 @@ class Monitor:
             self.open_to_all,
         )
         own = [problem for problem in (*found, self.centre.problem) if problem]
+        own += [] if self.models is None else self.models.problems()
         own += [*self.fleet.world.problems(), *self.fleet.warehouses.problems(time.time_ns())]
         return [*own, *self._rivals(), *self.fleet.inventory.member_limit.problems(), *self.alerting.problems()]
 

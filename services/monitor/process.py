@@ -19,7 +19,7 @@ from schemas.inventory import WarehouseReport
 from schemas.keys import CameraKey, Stream
 from schemas.status import GatewayStatus, WorkerStatus
 from schemas.world import SiteStatus
-from services.model_registry.serving import serving_models
+from services.model_registry.serving import ModelService, serving_models
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.display import Problems, show
@@ -80,8 +80,8 @@ async def run(settings: MonitorSettings) -> None:
     fleet = Fleet(clock_id(), settings.limits())
     async with (
         open_bus(settings) as bus,
-        nullcontext() if settings.models is None else serving_models(bus, settings.models),
-        running(settings, bus, fleet) as monitor,
+        nullcontext() if settings.models is None else serving_models(bus, settings.models) as models,
+        running(settings, bus, fleet, models) as monitor,
         asyncio.TaskGroup() as group,
     ):
         group.create_task(keep_collections_short(lambda: sum(1 for _ in fleet.inventory.cameras())))
@@ -106,8 +106,10 @@ async def _check_users() -> None:
 
 
 @asynccontextmanager
-async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIterator[Monitor]:
-    """Watch the fleet, write its history and raise alerts within the context.
+async def running(
+    settings: MonitorSettings, bus: Bus, fleet: Fleet, models: ModelService | None = None
+) -> AsyncIterator[Monitor]:
+    """Watch the fleet, write its history and raise alerts within the context. models: see Monitor.
 
     Raises:
         RuleFileError: the rule file cannot be used.
@@ -131,6 +133,7 @@ async def running(settings: MonitorSettings, bus: Bus, fleet: Fleet) -> AsyncIte
         settings, fleet.inventory, alerting.lead, fleet.places, alerting, world=(fleet.world, fleet.sites)
     )
     monitor = Monitor(settings, bus, fleet, rules, alerting, history, Archive(settings.history), health, plan, zones)
+    monitor.models = models
 
     def told(changes: Sequence[Change]) -> None:
         if changes:

@@ -105,7 +105,7 @@ COMMANDS: Final = (
         "services.monitor.process:run",
         refusals=(
             "bus:BusError",
-            "services.model_registry.registry:RegistryError",
+            "services.model_registry.folder:RegistryError",
             "services.monitor.history.state:OtherVersionError",
             "services.monitor.map.floor_plan:FloorPlanError",
             "services.monitor.rules.loading:RuleFileError",
@@ -206,7 +206,7 @@ COMMANDS: Final = (
         "publish weights to the fleet's detectors, put them in force, try them on single robots, go back",
         "services.toolbox.model.settings:ModelSettings",
         "services.toolbox.model.process:run",
-        refusals=("bus:BusError", "services.detector.model:ModelError"),
+        refusals=("bus:BusError",),
         extra="detector",
         positional=("task", "target"),
         log_level="error",

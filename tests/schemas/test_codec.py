@@ -71,7 +71,7 @@ MESSAGES: list[Message] = [
     ModelPiece(digest="ab" * 32, index=3, data=memoryview(b"\x05")),
     ModelUpload(model=MODEL, index=0, data=memoryview(b"\x05")),
     ModelUploadAnswer(missing=[1, 2]),
-    ModelUse(digest="", robots=["r1"]),
+    ModelUse(digest="", robots=["r1"], leaving="0" * 64),
     ClockReading(robot="r1", boot_id="b", clock_id="c", received_ns=1, sent_ns=2, ros_ns=3),
     ServiceRequest(type="std_srvs/SetBool", md5="09fb03525b03e7ea1fd3992bafd87e16", argument=True, timeout_s=0.5),
     ServiceRequest(data=b"\x05", timeout_s=5),

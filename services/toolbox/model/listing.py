@@ -1,7 +1,7 @@
 """Lists published models, and the workers that run them."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from typing import Final
@@ -9,7 +9,7 @@ from typing import Final
 import msgspec
 
 from bus import LATEST, Bus
-from schemas import codec, worker_keys
+from schemas import codec, keys, worker_keys
 from schemas.errors import SchemaError
 from schemas.models import SHORT_DIGEST, ModelRegistry, PublishedModel
 from schemas.printing import printable
@@ -30,6 +30,19 @@ async def worker_statuses(bus: Bus) -> list[WorkerStatus]:
                     status = codec.decode(WorkerStatus, sample.payload, sample.encoding)
                     found[status.worker] = status
     return [found[name] for name in sorted(found)]
+
+
+async def absent_robots(bus: Bus, robots: Iterable[str]) -> list[str]:
+    """Return those of `robots` whose gateways do not show themselves."""
+    absent = set(robots)
+    with suppress(TimeoutError):
+        async with asyncio.timeout(LISTEN_S), bus.watch(keys.EVERY_ROBOT_ALIVE, few=True) as watch:
+            while absent:
+                presence = await anext(watch)
+                if presence.alive:
+                    with suppress(SchemaError):
+                        absent.discard(keys.parse_robot(presence.key))
+    return sorted(absent)
 
 
 def as_json(state: ModelRegistry, statuses: Sequence[WorkerStatus]) -> str:

@@ -10,13 +10,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from bus import Bus, NotServedError, RefusedError, RequestError, open_bus
+from bus import Bus, NotServedError, RefusedError, RequestError, RequestTimeoutError, open_bus
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
 from schemas.models import MAX_MODEL_BYTES, SHORT_DIGEST, ModelRegistry, ModelUse, PublishedModel
 from schemas.printing import printable
 from services.model_registry.client import ask_registry, publish_model, use_model
-from services.toolbox.model.listing import as_json, as_table, worker_statuses
+from services.toolbox.model.listing import absent_robots, as_json, as_table, worker_statuses
 from services.toolbox.model.settings import ModelSettings
 
 FAILED: Final = 1
@@ -34,11 +34,7 @@ class _ModelCommandError(Exception):
 
 
 async def run(settings: ModelSettings) -> int:
-    """Run the task; print what was done, or on stderr why not. Returns the exit code.
-
-    Raises:
-        ModelError: the file to publish is no model that detectors could use.
-    """
+    """Run the task; print what was done, or on stderr why not. Returns the exit code."""
     try:
         await _TASKS[settings.task](settings)
     except NotServedError as error:
@@ -53,6 +49,10 @@ async def run(settings: ModelSettings) -> int:
 def _fail(reason: str) -> int:
     sys.stderr.write(f"fleetsight model: {printable(' '.join(reason.split()))}\n")
     return FAILED
+
+
+def _warn(remark: str) -> None:
+    sys.stderr.write(f"fleetsight model: {printable(remark)}\n")
 
 
 def _print(line: str) -> None:
@@ -76,18 +76,23 @@ def _described(file: Path, name: str) -> PublishedModel:
     """Return all that is published about a file but its time. Loads it: takes seconds.
 
     Raises:
-        ModelError: it is no model that detectors could use.
+        _ModelCommandError: it is no model that detectors could use.
+        OSError: it cannot be read.
     """
     size = file.stat().st_size
     if size > MAX_MODEL_BYTES:
         raise _ModelCommandError(f"{file} has {size} bytes: the registry takes files of {MAX_MODEL_BYTES} at most")
+    from services.detector.model import ModelError  # noqa: PLC0415 - only publishing needs the extra
     from services.detector.runtime.offline import keep_offline  # noqa: PLC0415 - only publishing needs the extra
 
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
         keep_offline(Path(folder), download=False)
         from services.detector.runtime.weights import load_weights  # noqa: PLC0415 - it is heavy
 
-        weights = load_weights(str(file), "publish")
+        try:
+            weights = load_weights(str(file), "publish")
+        except ModelError as error:
+            raise _ModelCommandError(str(error)) from error
     names = list(dict.fromkeys(weights.names.values()))
     about = f"{'segmentation' if weights.segments else 'detection'} of {', '.join(names)}"[:MAX_LABEL]
     return PublishedModel(digest=weights.digest, name=name, size=size, by=_myself(), about=about)
@@ -119,11 +124,15 @@ async def _use(settings: ModelSettings) -> None:
         model = chosen(await ask_registry(bus, settings.timeout_s), settings.target)
         asked = ModelUse(digest=model.digest, robots=settings.robots)
         _tell(await _changed(bus, asked, settings.timeout_s))
+        if settings.robots and (absent := await absent_robots(bus, settings.robots)):
+            _warn(f"not online now, so check the names: {', '.join(absent)}")
 
 
 async def _back(settings: ModelSettings) -> None:
     async with open_bus(settings) as bus:
-        _tell(await _changed(bus, ModelUse(digest=""), settings.timeout_s))
+        state = await ask_registry(bus, settings.timeout_s)
+        asked = ModelUse(digest="", leaving=state.canary or state.in_force)
+        _tell(await _changed(bus, asked, settings.timeout_s))
 
 
 async def _changed(bus: Bus, asked: ModelUse, timeout_s: float) -> ModelRegistry:
@@ -131,6 +140,8 @@ async def _changed(bus: Bus, asked: ModelUse, timeout_s: float) -> ModelRegistry
         return await use_model(bus, asked, timeout_s)
     except RefusedError as error:
         raise _ModelCommandError(str(error)) from error
+    except (RequestTimeoutError, NotServedError) as error:
+        raise _ModelCommandError(f"{error}; it may have been done: fleetsight model list") from error
 
 
 def _tell(state: ModelRegistry) -> None:
@@ -147,14 +158,17 @@ def chosen(state: ModelRegistry, target: str) -> PublishedModel:
     Raises:
         _ModelCommandError: there is none, or there are several.
     """
-    for each in state.models:
-        if target in {each.name, each.label, f"{each.label}.pt"}:
-            return each
+    name, _, letters = target.removesuffix(".pt").partition("@")
+    found = [each for each in state.models if each.name == name and each.digest.startswith(letters)] if letters else []
     prefix = target.lower()
-    found = [each for each in state.models if len(prefix) >= MIN_PREFIX and each.digest.startswith(prefix)]
+    found = found or [
+        each
+        for each in state.models
+        if each.name == target or (len(prefix) >= MIN_PREFIX and each.digest.startswith(prefix))
+    ]
     if len(found) > 1:
-        several = ", ".join(f"{each.name} {each.digest[: max(SHORT_DIGEST, len(prefix) + 1)]}" for each in found)
-        raise _ModelCommandError(f"{target[:80]} is ambiguous: {several}; write more letters, or the name")
+        several = ", ".join(f"{each.name}@{each.digest[: max(SHORT_DIGEST, len(prefix) + 1)]}" for each in found)
+        raise _ModelCommandError(f"{target[:80]} is ambiguous: {several}; write one of these, or more letters")
     if not found:
         known = ", ".join(each.name for each in state.models) or "none is published yet"
         raise _ModelCommandError(f"no published model is called {target[:80]!r}; there are: {known}")

@@ -31,8 +31,8 @@ class ModelSettings(BusSettings):
 
     publish sends a file of weights to the registry. use puts a published model in force for the whole fleet; with
     --robots it is a canary: only the cameras of those robots are looked at with it. back ends a canary, or else puts
-    the model in force that was before. list shows the models, and which workers run which. Exit code 1 and one line
-    say why nothing was done.
+    the model in force that was before, once. list shows the models, and which workers run which. Exit code 1 and one
+    line say why nothing was done.
     """
 
     task: Annotated[Literal["publish", "list", "use", "back"], Field(description="what to do")]

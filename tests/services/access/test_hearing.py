@@ -48,6 +48,7 @@ HEARD = [
     ("gpu1", "models/registry", "models/registry", True),
     ("r1", "models/registry", "models/registry", True),
     ("rack1", "models/registry", "models/registry", False),
+    ("central2", "models/registry", "models/registry", True),
     ("stranger", "fleet/**", "fleet/r2/front/classes", False),
 ]
 
@@ -105,6 +106,8 @@ def test_what_it_gets_of_what_is_kept(fleet: Fleet, name: str, key: str, allowed
 
 
 ASKED = [
+    ("central2", "models/list", True),
+    ("central2", "models/use", False),
     ("berlin", "fleet/r2/clock", False),
     ("berlin", "warehouses/lyon/world/main/objects", False),
     ("central2", "warehouses/berlin/world/main/objects", True),

@@ -1,26 +1,24 @@
 """What the registry keeps in its folder, and what it refuses."""
 
+import shutil
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from schemas.models import MAX_MODELS, PIECE_BYTES, ModelPieceRequest, ModelRegistry, ModelUse
-from services.model_registry.registry import (
-    MAX_UPLOADS,
-    STATE_FILE,
-    UPLOAD_IDLE_S,
-    UPLOADS,
-    Registry,
-    RegistryError,
-    digest_of,
-)
+from services.model_registry.folder import UPLOADS, RegistryError
+from services.model_registry.registry import Registry, digest_of
+from services.model_registry.uploads import MAX_UPLOADS, SPARE_BYTES, UPLOAD_IDLE_S
 from tests.services.model_registry.publishing import LONG, model_of, publish, upload
 
 
 @pytest.fixture
-def registry(tmp_path: Path) -> Registry:
-    return Registry(tmp_path)
+def registry(tmp_path: Path) -> Iterator[Registry]:
+    with closing(Registry(tmp_path)) as made:
+        yield made
 
 
 def use(registry: Registry, digest: str, *robots: str) -> ModelRegistry:
@@ -89,6 +87,12 @@ def test_few_files_are_half_there_and_idle_ones_give_way(registry: Registry, tmp
     late = upload(model_of(contents[-1], "late"), contents[-1])
     with pytest.raises(RegistryError, match=f"{MAX_UPLOADS} models are being published already"):
         registry.take(late, UPLOAD_IDLE_S)
+    registry.end_idle_uploads(UPLOAD_IDLE_S)
+    assert len(list((tmp_path / UPLOADS).iterdir())) == MAX_UPLOADS
+    registry.end_idle_uploads(UPLOAD_IDLE_S + 1)
+    assert list((tmp_path / UPLOADS).iterdir()) == []
+    for n, content in enumerate(contents[:-1]):
+        registry.take(upload(model_of(content, f"m{n}"), content), 0)
     assert registry.take(late, UPLOAD_IDLE_S + 1) == [1]
     assert len(list((tmp_path / UPLOADS).iterdir())) == 1
 
@@ -102,7 +106,7 @@ def test_beyond_the_limit_the_oldest_that_is_not_in_use_goes(registry: Registry,
     assert (tmp_path / f"{models[0].digest}.pt").exists()
 
 
-def test_one_is_in_force_and_one_was_before_and_back_exchanges_them(registry: Registry) -> None:
+def test_one_is_in_force_and_one_was_before_and_back_leaves_the_newer_one_for_good(registry: Registry) -> None:
     one, two = (publish(registry, content, content.decode()).digest for content in (b"one", b"two"))
     with pytest.raises(RegistryError, match="no model to go back to"):
         use(registry, "")
@@ -113,7 +117,10 @@ def test_one_is_in_force_and_one_was_before_and_back_exchanges_them(registry: Re
         state = use(registry, two)
         assert (state.in_force, state.before) == (two, one)
     state = use(registry, "")
-    assert (state.in_force, state.before) == (one, two)
+    assert (state.in_force, state.before) == (one, "")
+    with pytest.raises(RegistryError, match="or going back was done already; fleetsight model use NAME"):
+        use(registry, "")
+    assert registry.state == state
 
 
 def test_a_canary_is_beside_the_one_in_force_until_it_is_used_everywhere_or_ended(registry: Registry) -> None:
@@ -134,40 +141,31 @@ def test_a_canary_is_beside_the_one_in_force_until_it_is_used_everywhere_or_ende
         use(registry, "0" * 64)
 
 
+def test_going_back_leaves_only_what_is_named_if_something_is(registry: Registry) -> None:
+    one, two = (publish(registry, content, content.decode()).digest for content in (b"one", b"two"))
+    use(registry, one)
+    use(registry, two)
+    use(registry, one, "r1")
+    with pytest.raises(RegistryError, match=r"two@.* was left meanwhile: now going back would leave one@"):
+        registry.use(ModelUse(digest="", leaving=two))
+    registry.use(ModelUse(digest="", leaving=one))
+    assert (registry.state.in_force, registry.state.canary) == (two, "")
+    with pytest.raises(RegistryError, match=r"one@.* was left meanwhile: now going back would leave two@"):
+        registry.use(ModelUse(digest="", leaving=one))
+    registry.use(ModelUse(digest="", leaving=two))
+    assert registry.state.in_force == one
+
+
 def test_all_is_there_after_a_restart_but_what_was_half_uploaded(registry: Registry, tmp_path: Path) -> None:
     one, two = (publish(registry, content, content.decode()).digest for content in (b"one", b"two"))
     use(registry, one)
     use(registry, two, "r1")
     registry.take(upload(model_of(LONG, "half"), LONG), 0)
-    again = Registry(tmp_path)
-    assert again.state == registry.state
-    assert list((tmp_path / UPLOADS).iterdir()) == []
-    assert again.take(upload(model_of(LONG, "half"), LONG, 1), 0) == [0]
-
-
-def test_a_model_whose_file_is_gone_is_gone(
-    registry: Registry, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    one, two = (publish(registry, content, content.decode()).digest for content in (b"one", b"two"))
-    use(registry, one)
-    use(registry, two, "r1")
-    (tmp_path / f"{two}.pt").unlink()
-    state = Registry(tmp_path).state
-    assert ([each.name for each in state.models], state.in_force, state.canary, state.robots) == (["one"], one, "", [])
-    assert "the file of two@" in caplog.text
-
-
-@pytest.mark.parametrize("content", [b"", b"{", b'{"models": [{"digest": "x"}]}', b"\xff"])
-def test_a_damaged_state_is_no_empty_one(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / STATE_FILE).write_bytes(content)
-    with pytest.raises(RegistryError, match=r"registry.json is damaged .*: restore it from a backup, or remove it"):
-        Registry(tmp_path)
-
-
-def test_a_folder_that_cannot_be_used_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(RegistryError, match=r"--models .*/file: Not a directory"):
-        Registry(tmp_path / "file")
+    registry.close()
+    with closing(Registry(tmp_path)) as again:
+        assert again.state == registry.state
+        assert list((tmp_path / UPLOADS).iterdir()) == []
+        assert again.take(upload(model_of(LONG, "half"), LONG, 1), 0) == [0]
 
 
 def test_a_state_that_cannot_be_written_is_not_taken(registry: Registry, tmp_path: Path) -> None:
@@ -177,3 +175,24 @@ def test_a_state_that_cannot_be_written_is_not_taken(registry: Registry, tmp_pat
     with pytest.raises(RegistryError, match=r"registry.json cannot be written: Is a directory"):
         use(registry, two)
     assert registry.state.in_force == one
+
+
+def test_a_file_of_a_model_that_cannot_be_noted_does_not_stay(registry: Registry, tmp_path: Path) -> None:
+    (tmp_path / "registry.part").mkdir()
+    with pytest.raises(RegistryError, match=r"registry.json cannot be written: Is a directory"):
+        publish(registry, b"one", "one")
+    assert list(tmp_path.glob("*.pt")) == []
+    (tmp_path / "registry.part").rmdir()
+    publish(registry, b"one", "one")
+    assert [each.name for each in registry.state.models] == ["one"]
+
+
+def test_a_file_for_which_there_is_no_room_is_not_begun(registry: Registry, monkeypatch: pytest.MonkeyPatch) -> None:
+    free = SPARE_BYTES + 2 * PIECE_BYTES + len(LONG) - 1
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(0, 0, free))
+    registry.take(upload(model_of(LONG, "site"), LONG), 0)
+    other = LONG + b"!"
+    with pytest.raises(RegistryError, match=r"other has 1.6 MB, and the disk of .* has room for 1.0 MB: make room"):
+        publish(registry, other * 3, "other")
+    publish(registry, LONG, "site")
+    assert [each.name for each in registry.state.models] == ["site"]

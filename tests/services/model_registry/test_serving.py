@@ -2,13 +2,12 @@
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 
 import msgspec
 import pytest
 
-from bus import LATEST, Bus, BusSettings, NotServedError, RefusedError, Reply, Request, RequestError, open_bus
+from bus import LATEST, Bus, NotServedError, RefusedError, Reply, Request, RequestError
 from schemas import codec
 from schemas.models import PIECE_BYTES, ModelPiece, ModelRegistry, ModelUse
 from schemas.worker_keys import ModelKey
@@ -16,34 +15,15 @@ from services.model_registry import client
 from services.model_registry.client import ask_registry, fetch_model, publish_model, use_model
 from services.model_registry.registry import digest_of
 from services.model_registry.serving import serving_models
-from services.toolbox.demo.children import free_ports
-from tests.services.model_registry.publishing import LONG, model_of
+from tests.services.model_registry.buses import two_buses
+from tests.services.model_registry.publishing import LONG, model_of, publish_file
 from tests.waiting import PATIENCE_S, receive
-
-
-@asynccontextmanager
-async def two_buses() -> AsyncIterator[tuple[Bus, Bus]]:
-    """Give the bus of a monitor, and that of somebody who is connected to it."""
-    endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
-    async with (
-        open_bus(BusSettings(mode="router", listen=[endpoint])) as monitor,
-        open_bus(BusSettings(connect=[endpoint])) as other,
-    ):
-        yield monitor, other
 
 
 @pytest.fixture
 async def other(tmp_path: Path) -> AsyncIterator[Bus]:
     async with two_buses() as (monitor, bus), serving_models(monitor, tmp_path / "registry"):
         yield bus
-
-
-async def published(bus: Bus, tmp_path: Path, content: bytes, name: str) -> str:
-    """Publish a content from a file; return its digest."""
-    file, model = tmp_path / name, model_of(content, name)
-    file.write_bytes(content)
-    await publish_model(bus, model, file, lambda _: None)
-    return model.digest
 
 
 async def test_a_file_goes_there_and_back(other: Bus, tmp_path: Path) -> None:
@@ -63,7 +43,7 @@ async def test_a_file_goes_there_and_back(other: Bus, tmp_path: Path) -> None:
 
 
 async def test_who_comes_late_hears_the_state_and_every_change(other: Bus, tmp_path: Path) -> None:
-    one = await published(other, tmp_path, b"one", "one")
+    one = await publish_file(other, tmp_path, b"one", "one")
     async with other.subscribe(ModelKey.REGISTRY, LATEST) as states:
         assert [each.digest for each in (await receive(states, ModelRegistry)).models] == [one]
         answer = await use_model(other, ModelUse(digest=one), PATIENCE_S)

@@ -67,8 +67,23 @@ def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
     rules = len(monitor.rules.book.rules)
     in_force = "; ".join([f"{rules} in force", *limited(monitor.rule_remarks())])
     yield "Rules", monitor.rules.problem or (in_force if rules else "none: start with --rules rules.yaml")
+    yield "Models", _models(monitor)
     left_out = ", ".join(f"{count:,} {what}" for what, count in sorted(monitor.fleet.left_out.items()) if count)
     yield "Left out", left_out or "nothing"
+
+
+def _models(monitor: Monitor) -> str:
+    if monitor.models is None:
+        return "not kept: started without --models"
+    if (state := monitor.models.state) is None:
+        return "not served here"
+    in_force, canary = state.find(state.in_force), state.find(state.canary)
+    told = "none is in force" if in_force is None else f"{in_force.label} is in force"
+    if canary is None:
+        return told
+    robots = ", ".join(state.robots[:MAX_NAMED])
+    rest = f" and {len(state.robots) - MAX_NAMED} more" if len(state.robots) > MAX_NAMED else ""
+    return f"{told}; canary {canary.label} for {robots}{rest}"
 
 
 MAX_NAMED: Final = 6

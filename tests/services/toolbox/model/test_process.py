@@ -1,5 +1,6 @@
 """The command against a registry of the test's own; with real workers in tests/integration/services."""
 
+import asyncio
 import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -7,18 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from bus import Bus, BusSettings, QoS, open_bus
-from schemas import codec
+from bus import Bus, BusSettings, QoS, Reply, Request, open_bus
+from schemas import codec, keys
 from schemas.models import ModelRegistry, ModelUse
 from schemas.status import WorkerStatus
-from schemas.worker_keys import worker_status
-from services.detector.model import ModelError
+from schemas.worker_keys import ModelKey, worker_status
 from services.detector.settings import SHIPPED_MODEL
 from services.model_registry.client import ask_registry, publish_model, use_model
 from services.model_registry.registry import digest_of
 from services.model_registry.serving import serving_models
 from services.toolbox.demo.children import free_ports
-from services.toolbox.model import listing
+from services.toolbox.model import listing, process
 from services.toolbox.model.process import _ModelCommandError, chosen, run
 from services.toolbox.model.settings import ModelSettings
 from tests.services.model_registry.publishing import model_of
@@ -78,10 +78,12 @@ async def test_publish_says_what_the_model_detects_and_how_to_use_it(
     assert capsys.readouterr().out == f"published already: {model.label}, by {model.by}\n"
 
 
-async def test_a_file_that_is_no_checkpoint_is_not_published(site: Site, tmp_path: Path) -> None:
+async def test_a_file_that_is_no_checkpoint_is_not_published(
+    site: Site, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     (tmp_path / "bad.pt").write_bytes(b"no weights")
-    with pytest.raises(ModelError, match=r"publish .*/bad.pt: not a model that can be used"):
-        await site.run("publish", str(tmp_path / "bad.pt"))
+    assert await site.run("publish", str(tmp_path / "bad.pt")) == 1
+    assert f"fleetsight model: publish {tmp_path}/bad.pt: not a model that can be used" in capsys.readouterr().err
     assert (await site.state()).models == []
 
 
@@ -106,7 +108,59 @@ async def test_use_back_and_a_canary(site: Site, capsys: pytest.CaptureFixture[s
     assert await site.run("back") == 0
     assert (await site.state()).canary == ""
     assert await site.run("back") == 1
-    assert capsys.readouterr().err == ("fleetsight model: there is no model to go back to: none was in force before\n")
+    assert "fleetsight model: there is no model to go back to: none was in force before" in capsys.readouterr().err
+
+
+async def test_a_canary_for_robots_that_are_not_online_names_them(
+    site: Site, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listing, "LISTEN_S", 0.5)
+    await site.publish(b"one", b"two")
+    await use_model(site.bus, ModelUse(digest=ONE.digest), PATIENCE_S)
+    async with site.bus.announce(keys.robot_alive("r1")), site.bus.announce(keys.robot_alive("r2")):
+        monkeypatch.setattr(listing, "LISTEN_S", PATIENCE_S)
+        assert await site.run("use", "two", robots=["r1", "r2"]) == 0
+        assert capsys.readouterr().err == ""
+        monkeypatch.setattr(listing, "LISTEN_S", 1.0)
+        assert await site.run("use", "two", robots=["r1", "r7", "R2"]) == 0
+        assert capsys.readouterr().err == "fleetsight model: not online now, so check the names: R2, r7\n"
+    assert (await site.state()).robots == ["R2", "r1", "r7"]
+
+
+async def test_back_names_what_it_leaves_and_does_nothing_where_that_was_left_meanwhile(
+    site: Site, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    await site.publish(b"one", b"two")
+    for model in ONE, TWO:
+        await use_model(site.bus, ModelUse(digest=model.digest), PATIENCE_S)
+
+    async def asked_before(bus: Bus, timeout_s: float) -> ModelRegistry:
+        state = await ask_registry(bus, timeout_s)
+        await use_model(site.bus, ModelUse(digest=""), PATIENCE_S)  # somebody else is quicker
+        return state
+
+    monkeypatch.setattr(process, "ask_registry", asked_before)
+    assert await site.run("back") == 1
+    assert f"{TWO.label} was left meanwhile: now going back would leave {ONE.label}" in capsys.readouterr().err
+    assert (await site.state()).in_force == ONE.digest
+
+
+async def test_without_an_answer_it_may_have_been_done(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    async def listed(_: Request) -> Reply:
+        return Reply(codec.encode(ModelRegistry(models=[ONE], in_force=ONE.digest)), codec.encoding(ModelRegistry))
+
+    async def silent(_: Request) -> Reply:
+        await asyncio.sleep(PATIENCE_S)
+        raise AssertionError
+
+    async with (
+        site_in(tmp_path) as site,
+        site.bus.serve(ModelKey.LIST, listed),
+        site.bus.serve(ModelKey.USE, silent),
+    ):
+        for arguments in ("back",), ("use", "one"):
+            assert await site.run(*arguments, timeout_s=1) == 1
+            assert "; it may have been done: fleetsight model list\n" in capsys.readouterr().err
 
 
 async def test_list_shows_models_and_the_workers_that_run_them(
@@ -178,9 +232,22 @@ def test_a_model_is_chosen_by_name_label_or_the_beginning_of_its_digest() -> Non
         chosen(ModelRegistry(models=[]), "one")
 
 
+def test_a_name_that_is_how_another_s_digest_begins_is_ambiguous() -> None:
+    one, two = named("abcd", "0" * 64).models[0], named("two", "abcd" + "1" * 60).models[0]
+    state = ModelRegistry(models=[one, two])
+    with pytest.raises(_ModelCommandError, match="abcd is ambiguous: abcd@000000000000, two@abcd11111111; write one"):
+        chosen(state, "abcd")
+    assert chosen(state, "abcd@000000000000") == one
+    assert chosen(state, "two@abcd11111111") == two
+    assert chosen(state, "two@abcd1") == two
+    assert chosen(state, "abcd1") == two
+
+
 def test_an_ambiguous_digest_shows_what_tells_the_models_apart() -> None:
     digests = ["abcd" + "0" * 60, "abcd" + "1" * 60]
     state = ModelRegistry(models=[model for n, digest in enumerate(digests) for model in named(f"m{n}", digest).models])
-    with pytest.raises(_ModelCommandError, match="abcd is ambiguous: m0 abcd00000000, m1 abcd11111111; write more"):
+    with pytest.raises(
+        _ModelCommandError, match="abcd is ambiguous: m0@abcd00000000, m1@abcd11111111; write one of these, or more"
+    ):
         chosen(state, "abcd")
     assert chosen(state, "abcd1").name == "m1"
