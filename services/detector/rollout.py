@@ -99,6 +99,7 @@ class Rollout:
                         async with asyncio.timeout(None if wait_s == math.inf else max(LEAST_WAIT_S, wait_s)):
                             await self._heard.wait()
         finally:
+            self._close_spare()
             self._refusals.close()
             self._cache.close()
 
@@ -161,10 +162,13 @@ class Rollout:
             blind = self.model is None
             tried = {state.in_force, state.before if blind else state.canary}
             wait_s = self._refusals.wait_s(tried, blind=blind)
+        self._close_spare()
+        return wait_s
+
+    def _close_spare(self) -> None:
         for unused in self._spare.values():
             unused.model.close()
         self._spare.clear()
-        return wait_s
 
     def _end_canary(self, state: ModelRegistry) -> None:
         """End or restrict the canary first: what follows may take long."""

@@ -1,12 +1,14 @@
 """A roll-out where models fail, cannot be fetched, or are taken back while they are on their way."""
 
+import asyncio
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from bus import QoS
+from bus import QoS, RequestError
 from schemas import codec
 from schemas.keys import CameraKey
 from schemas.models import ModelRegistry, ModelUse, PublishedModel
@@ -18,6 +20,7 @@ from services.detector.rollout import NOT_IN_CACHE, Rollout
 from services.model_registry.client import use_model
 from tests.services.detector.rollout.sites import BROKEN, Site, runs, use
 from tests.services.detector.support.requests import frame_of
+from tests.services.model_registry.publishing import LONG
 from tests.waiting import PATIENCE_S, until
 
 
@@ -77,6 +80,40 @@ async def test_a_refused_model_is_tried_at_once_when_it_is_put_in_force_again(si
         await use(bus, two)
         await until(runs(following, two))
     assert site.loads == ["one", "two", "two"]
+
+
+async def test_fetches_that_fail_wait_longer_each_time_but_for_those_that_came_further(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failures: list[int] = []
+
+    def wait_s(tries: int, first_s: float, most_s: float) -> float:
+        assert first_s < most_s
+        failures.append(tries)
+        return 0
+
+    monkeypatch.setattr(rollout, "growing_wait_s", wait_s)
+    monkeypatch.setattr(rollout, "LEAST_WAIT_S", 0.01)
+    async with site.monitor() as bus, site.worker() as following:
+        lost, long = await site.publish(bus, b"lost", "lost"), await site.publish(bus, LONG, "long")
+        lose(site, lost)
+        await use(bus, lost)
+        await until(lambda: failures[:3] == [1, 2, 3])
+        cut = [False, True, True, False, True]
+
+        async def fetch(*given: Any) -> None:
+            _, model, file, progress = given
+            if model.digest == lost.digest or cut:
+                if model.digest == long.digest and not cut.pop(0):
+                    progress(1)
+                raise RequestError("no answer")
+            await asyncio.to_thread(file.write_bytes, LONG)
+
+        monkeypatch.setattr(rollout, "fetch_rest", fetch)
+        failures.clear()
+        await use(bus, long)
+        await until(runs(following, long))
+    assert failures[-5:] == [1, 2, 3, 1, 2]
 
 
 async def test_a_canary_that_fails_is_refused_and_the_worker_goes_on(site: Site) -> None:
