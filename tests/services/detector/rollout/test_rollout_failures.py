@@ -1,6 +1,7 @@
 """A roll-out where models fail, cannot be fetched, or are taken back while they are on their way."""
 
 import asyncio
+import logging
 import threading
 from pathlib import Path
 from typing import Any
@@ -161,6 +162,7 @@ async def test_a_model_that_ended_the_worker_is_not_what_the_next_start_begins_w
 async def test_a_model_that_is_taken_back_while_it_loads_never_looks_at_anything(
     site: Site, caplog: pytest.LogCaptureFixture
 ) -> None:
+    caplog.set_level(logging.INFO)
     async with site.monitor() as bus, site.worker() as following:
         one, two = [await site.publish(bus, content, content.decode()) for content in (b"one", b"two")]
         await use(bus, one)
@@ -173,6 +175,7 @@ async def test_a_model_that_is_taken_back_while_it_loads_never_looks_at_anything
         site.may_load.set()
         await until(lambda: "two" in site.ready and site.ready["two"].closed)
         assert runs(following, one)()
+    assert site.loads == ["one", "two"]
     assert "takes over" not in caplog.text
 
 
