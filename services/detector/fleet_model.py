@@ -1,20 +1,27 @@
 """The model of a roll-out: the one in force for all cameras, and a canary for those of single robots.
 
-Models change between calls: calls in flight end with the model that they began with.
+Models change between calls: calls in flight end with the model that they began with. A canary that fails, and a model
+in force that fails at its first images, give way to one that works, which looks at these images instead.
 """
 
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Final
 
+import msgspec
+
 from schemas.tuning import Tuning
-from services.detector.model import SILENT, DetectedObjects, Model, Outcome, Request, TuningError
+from services.detector.model import SILENT, DetectedObjects, Model, ModelError, Outcome, Request, TuningError
+from services.detector.watchdog import HUNG, WATCH_S
 
 log = logging.getLogger(__name__)
+
+TRIAL_S: Final = HUNG * WATCH_S / 2
+"""Seconds that a call may take where another model can answer instead: that is before the worker counts as hung."""
 
 BOXES_ONLY: Final = "no masks are drawn, distances and objects are silent"
 
@@ -32,19 +39,30 @@ class FleetModel:
     """Implements `Model` with the models that a roll-out chooses.
 
     segments: overlays with masks are always offered, as the next model may have masks. notes: remarks about the
-    roll-out, such as which model was refused.
+    roll-out, such as which model was refused. works: is told a model's digest whenever it has found an image's objects.
+    fails: is told of a model that failed and why, when another one has taken its place.
     """
 
     segments = True
 
-    def __init__(self, in_force: LoadedModel) -> None:
+    def __init__(
+        self,
+        in_force: LoadedModel,
+        works: Callable[[str], None] = lambda _: None,
+        fails: Callable[[LoadedModel, ModelError], None] = lambda *_: None,
+    ) -> None:
         self.in_force = in_force
         self.canary: LoadedModel | None = None
         self.robots: frozenset[str] = frozenset()
         self.notes: tuple[str, ...] = ()
         self.in_flight = in_force.model.in_flight
+        self._works = works
+        self._fails = fails
         self._tuned: Tuning | None = None
+        self._untuned: dict[LoadedModel, str] = {}
         self._calls = Counter[LoadedModel]()
+        self._proven: set[LoadedModel] = set()
+        self._before: LoadedModel | None = None
 
     @property
     def name(self) -> str:
@@ -60,7 +78,8 @@ class FleetModel:
     def remarks(self) -> tuple[str, ...]:
         """See `Model.remarks`."""
         of_models = (_of_any_model(remark) for each in self._loaded() for remark in each.model.remarks)
-        return tuple(dict.fromkeys((*self.notes, *of_models)))
+        untuned = (self._untuned[each] for each in self._loaded() if each in self._untuned)
+        return tuple(dict.fromkeys((*self.notes, *untuned, *of_models)))
 
     @property
     def tuning(self) -> Tuning:
@@ -76,12 +95,20 @@ class FleetModel:
         """See `Model.tune`. Models that come later follow it as far as they can."""
         self.in_force.model.tune(tuning)
         self._tuned = self.in_force.model.tuning
-        if self.canary is not None:
-            self._tune_alike(self.canary)
+        for each in self._kept():
+            if each is not self.in_force:
+                self._tune_alike(each)
 
     def change(self, in_force: LoadedModel, canary: LoadedModel | None = None, robots: Collection[str] = ()) -> None:
-        """Use other models from the next call on; those no longer used are closed once their calls have ended."""
-        before = self._loaded()
+        """Use other models from the next call on; those no longer used are closed once their calls have ended.
+
+        A model that works is kept until the one that follows it has found an image's objects.
+        """
+        before = self._kept()
+        if in_force in self._proven:
+            self._before = None
+        elif self.in_force in self._proven:
+            self._before = self.in_force
         self.in_force, self.canary, self.robots = in_force, canary, frozenset(robots) if canary else frozenset()
         for each in self._loaded():
             if each not in before:
@@ -91,7 +118,7 @@ class FleetModel:
 
     def close(self) -> None:
         """See `Model.close`."""
-        for each in (*self._loaded(), *self._calls):
+        for each in (*self._kept(), *self._calls):
             each.model.close()
 
     async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
@@ -101,45 +128,101 @@ class FleetModel:
 
         async def look(loaded: LoadedModel) -> None:
             places = [n for n, each in enumerate(chosen) if each is loaded]
-            with self._calling(loaded):
-                found = await loaded.model.infer([batch[n] for n in places])
-            outcomes.update(zip(places, (_named(each, loaded.label) for each in found), strict=True))
+            outcomes.update(zip(places, await self._found(loaded, [batch[n] for n in places]), strict=True))
 
-        try:
-            async with asyncio.TaskGroup() as group:
-                for loaded in dict.fromkeys(chosen):
-                    group.create_task(look(loaded))
-        except ExceptionGroup as failed:
-            raise failed.exceptions[0] from failed
+        with self._calling(*chosen):  # at once: a model that changes before the calls begin stays open for them
+            try:
+                async with asyncio.TaskGroup() as group:
+                    for loaded in dict.fromkeys(chosen):
+                        group.create_task(look(loaded))
+            except ExceptionGroup as failed:
+                raise failed.exceptions[0] from failed
         return [outcomes[n] for n in range(len(batch))]
+
+    async def _found(self, loaded: LoadedModel, batch: Sequence[Request]) -> Sequence[Outcome]:
+        """Return a model's outcomes; if it fails, those of the one that is in force instead."""
+        try:
+            with self._calling(loaded):
+                found = await self._called(loaded, batch)
+        except ModelError as error:
+            used = loaded in self._loaded()
+            instead = self._instead_of(loaded)
+            if instead is None:
+                raise
+            if used:
+                self._fails(loaded, error)
+            log.error("%s is no longer used, %s answers: %s", loaded.label, instead.label, error)  # noqa: TRY400
+            return await self._found(instead, batch)
+        if any(isinstance(each, DetectedObjects) for each in found):
+            self._has_worked(loaded)
+        return [_named(each, loaded.label) for each in found]
+
+    async def _called(self, loaded: LoadedModel, batch: Sequence[Request]) -> Sequence[Outcome]:
+        if loaded is self.in_force and self._before is None:  # if it hangs, the worker's watchdog sees it
+            return await loaded.model.infer(batch)
+        try:
+            async with asyncio.timeout(TRIAL_S):
+                return await loaded.model.infer(batch)
+        except TimeoutError as error:
+            raise ModelError(f"{loaded.label} has not answered for {TRIAL_S:g} s") from error
+
+    def _instead_of(self, failed: LoadedModel) -> LoadedModel | None:
+        """Stop using a model that failed; return the one that answers instead, None if there is none."""
+        if failed is self.in_force:
+            if self._before is None:
+                return None
+            self.change(self._before, self.canary, self.robots)
+        elif failed is self.canary:
+            self.change(self.in_force)
+        return self.in_force
+
+    def _has_worked(self, loaded: LoadedModel) -> None:
+        self._works(loaded.digest)
+        if loaded not in self._kept():
+            return
+        self._proven.add(loaded)
+        if loaded is self.in_force and (before := self._before) is not None:
+            self._before = None
+            self._close_unused(before)
 
     def _loaded(self) -> tuple[LoadedModel, ...]:
         return (self.in_force,) if self.canary is None else (self.in_force, self.canary)
+
+    def _kept(self) -> tuple[LoadedModel, ...]:
+        return self._loaded() if self._before is None else (*self._loaded(), self._before)
 
     def _model_for(self, request: Request) -> LoadedModel:
         return self.canary if self.canary is not None and request.camera.robot in self.robots else self.in_force
 
     @contextmanager
-    def _calling(self, loaded: LoadedModel) -> Iterator[None]:
-        self._calls[loaded] += 1
+    def _calling(self, *models: LoadedModel) -> Iterator[None]:
+        self._calls.update(models)
         try:
             yield
         finally:
-            self._calls[loaded] -= 1
-            self._close_unused(loaded)
+            self._calls.subtract(models)
+            for each in dict.fromkeys(models):
+                self._close_unused(each)
 
     def _close_unused(self, loaded: LoadedModel) -> None:
-        if loaded not in self._loaded() and not self._calls[loaded]:
+        if loaded not in self._kept() and not self._calls[loaded]:
             del self._calls[loaded]
+            self._proven.discard(loaded)
+            self._untuned.pop(loaded, None)
             loaded.model.close()
 
     def _tune_alike(self, loaded: LoadedModel) -> None:
+        """Have a model follow the settings of a request, but for classes that it lacks."""
+        self._untuned.pop(loaded, None)
         if self._tuned is None:
             return
         try:
             loaded.model.tune(self._tuned)
         except TuningError as error:
-            log.warning("%s keeps the configured settings, not those of a request: %s", loaded.label, error)
+            loaded.model.tune(msgspec.structs.replace(self._tuned, classes=None))
+            note = f"{loaded.label} reports the configured classes, not those of a request: {error}"
+            self._untuned[loaded] = note
+            log.warning("%s", note)
 
 
 def _of_any_model(remark: str) -> str:

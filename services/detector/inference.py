@@ -104,7 +104,7 @@ class Inference:
             async with TaskGroup() as group:
                 group.create_task(self._publish_classes())
                 group.create_task(self._publish_objects())
-                group.create_task(watch(self._model.name, lambda: self._done if self._calls else None))
+                group.create_task(watch(lambda: self._model.name, lambda: self._done if self._calls else None))
                 await self._take(group)
         finally:
             for settled in self._last.values():  # frames in flight will not be published

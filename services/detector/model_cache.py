@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import secrets
 import tempfile
 import time
 from collections.abc import Awaitable, Callable, Collection
@@ -12,17 +13,29 @@ from typing import Final
 import msgspec
 
 from schemas.models import ModelRegistry, PublishedModel
-from services.detector.runtime.exporting import MAKING, remove_abandoned
 from services.model_registry.registry import digest_of
-from services.whole_file import write_whole
 
 log = logging.getLogger(__name__)
 
 LAST: Final = "last.json"
+PART: Final = ".part"
+UNUSED_S: Final = 24 * 3600
+"""Age at which a file is no longer one that another worker of the machine fetches or loads."""
 
 
 class DamagedModelError(Exception):
     """A file is not the one that was published."""
+
+
+def usable_cache(cache: Path, spare: Path) -> Path:
+    """Return the cache, or the spare folder where the cache cannot be written."""
+    try:
+        (cache / "models").mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=cache / "models"):
+            return cache
+    except OSError as error:
+        log.warning("models are kept until this worker ends only: --cache %s: %s", cache, error.strerror)
+        return spare
 
 
 class ModelCache:
@@ -30,6 +43,7 @@ class ModelCache:
 
     def __init__(self, cache: Path) -> None:
         self.folder = cache / "models"
+        self._own = secrets.token_hex(4)
 
     def path(self, model: PublishedModel) -> Path:
         """Return where a model's file is; its name is what the model is called in results."""
@@ -42,6 +56,8 @@ class ModelCache:
             if not file.exists():
                 return False
             if file.stat().st_size == model.size and digest_of(file) == model.digest:
+                with suppress(OSError):  # of another user
+                    file.touch()  # it is in use: see `_remove_all_but`
                 return True
             log.warning("%s is damaged, and fetched again", file)
             file.unlink(missing_ok=True)
@@ -52,26 +68,30 @@ class ModelCache:
     async def fill(self, model: PublishedModel, fetch: Callable[[Path], Awaitable[None]]) -> None:
         """Have a model's file fetched to a path of its own, and keep it once it is whole.
 
+        fetch: appends to what is there from an earlier call, which did not come to its end.
+
         Raises:
             DamagedModelError: the file that came has another digest.
             OSError: the cache cannot be written. What `fetch` raises.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        remove_abandoned(self.folder, time.time())
-        with tempfile.TemporaryDirectory(prefix=MAKING, dir=self.folder, ignore_cleanup_errors=True) as folder:
-            file = Path(folder) / "model.part"
-            await fetch(file)
-            if await asyncio.to_thread(digest_of, file) != model.digest:
-                raise DamagedModelError(f"what came of {model.label} has another digest than what was published")
-            file.replace(self.path(model))
+        part = self._own_file(self.path(model).name)
+        await asyncio.to_thread(self._make_room, part)
+        await fetch(part)
+        if await asyncio.to_thread(digest_of, part) != model.digest:
+            await asyncio.to_thread(part.unlink)
+            raise DamagedModelError(f"what came of {model.label} has another digest than what was published")
+        part.replace(self.path(model))
 
     def remember(self, state: ModelRegistry) -> None:
         """Note what is run now, for a start without a monitor; and remove files that the registry no longer has.
 
         state: all models of the registry, and those in force here.
         """
+        draft = self._own_file(LAST)
         try:
-            write_whole(self.folder / LAST, msgspec.json.format(msgspec.json.encode(state)))
+            self.folder.mkdir(parents=True, exist_ok=True)
+            draft.write_bytes(msgspec.json.format(msgspec.json.encode(state)))
+            draft.replace(self.folder / LAST)
             self._remove_all_but({self.path(each) for each in state.models})
         except OSError as error:
             log.warning(
@@ -84,7 +104,31 @@ class ModelCache:
             return msgspec.json.decode((self.folder / LAST).read_bytes(), type=ModelRegistry)
         return None
 
-    def _remove_all_but(self, known: Collection[Path]) -> None:
-        for file in self.folder.glob("*@*.pt"):
-            if file not in known:
+    def close(self) -> None:
+        """Remove what was fetched in part."""
+        with suppress(OSError):
+            for part in self.folder.glob(f"*{self._own}{PART}"):
+                part.unlink(missing_ok=True)
+
+    def _own_file(self, name: str) -> Path:
+        return self.folder / f"{name}.{self._own}{PART}"
+
+    def _make_room(self, part: Path) -> None:
+        """Make the folder; remove other parts of this process, and those of killed ones."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for file in self.folder.glob(f"*{PART}"):
+            if file != part and (self._own in file.name or _unused(file)):
                 file.unlink(missing_ok=True)
+
+    def _remove_all_but(self, known: Collection[Path]) -> None:
+        """Remove models that the registry no longer has, once no worker of the machine can be about to load them."""
+        for file in self.folder.glob("*@*.pt"):
+            if file not in known and _unused(file):
+                file.unlink(missing_ok=True)
+
+
+def _unused(file: Path) -> bool:
+    try:
+        return time.time() - file.stat().st_mtime > UNUSED_S
+    except FileNotFoundError:  # another worker was quicker
+        return False

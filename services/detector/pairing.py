@@ -31,7 +31,7 @@ class PairedModel:
 
     def __init__(self, boxes: Model, masks: Model) -> None:
         self._boxes = boxes
-        self._masks = masks
+        self.masks = masks
         self.name = f"{boxes.name}+{masks.name}"[:MAX_LABEL]
         self.in_flight = min(boxes.in_flight, masks.in_flight)
         self.segments = masks.segments
@@ -39,14 +39,14 @@ class PairedModel:
     @property
     def max_batch(self) -> int:
         """See `Model.max_batch`."""
-        return min(self._boxes.max_batch, self._masks.max_batch)
+        return min(self._boxes.max_batch, self.masks.max_batch)
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """See `Model.remarks`."""
         # the other model makes the masks
         of_boxes = (remark for remark in self._boxes.remarks if not remark.endswith(SILENT))
-        return (*of_boxes, *self._masks.remarks)
+        return (*of_boxes, *self.masks.remarks)
 
     @property
     def tuning(self) -> Tuning:
@@ -63,7 +63,7 @@ class PairedModel:
         before = self._boxes.tuning
         self._boxes.tune(tuning)
         try:
-            self._masks.tune(tuning)
+            self.masks.tune(tuning)
         except Exception:
             self._boxes.tune(before)
             raise
@@ -71,7 +71,7 @@ class PairedModel:
     def close(self) -> None:
         """See `Model.close`."""
         self._boxes.close()
-        self._masks.close()
+        self.masks.close()
 
     async def infer(self, batch: Sequence[Request]) -> Sequence[Outcome]:
         """See `Model.infer`."""
@@ -79,7 +79,7 @@ class PairedModel:
         try:
             async with asyncio.TaskGroup() as group:
                 boxes = group.create_task(self._boxes.infer([replace(request, masks=False) for request in batch]))
-                masks = group.create_task(self._masks.infer(masked))
+                masks = group.create_task(self.masks.infer(masked))
         except ExceptionGroup as failed:
             raise failed.exceptions[0] from failed
         left = iter(masks.result())

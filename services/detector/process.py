@@ -26,7 +26,7 @@ from services.detector.frame_counts import REPLACED, SPARED, FrameCounts
 from services.detector.frame_queue import FrameQueue
 from services.detector.inference import Inference
 from services.detector.model import Model, ModelError
-from services.detector.model_cache import ModelCache
+from services.detector.model_cache import ModelCache, usable_cache
 from services.detector.regions import Regions
 from services.detector.requests import FINISH_S, Leaving, answering
 from services.detector.rollout import Rollout
@@ -218,7 +218,8 @@ async def _follow_fleet(settings: DetectorSettings, folder: Path, executor: Exec
     shipped = await asyncio.to_thread(digest_of, SHIPPED_MODEL)
     loading = SuccessiveLoading(settings, folder)
     async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
-        rollout = Rollout(bus, ModelCache(settings.cache), loading.load, executor)
+        cache = ModelCache(await asyncio.to_thread(usable_cache, settings.cache, folder))
+        rollout = Rollout(bus, cache, loading.load, executor)
         running = group.create_task(rollout.run())
         try:
             model = await rollout.first(DETECTOR.service, settings.worker)
@@ -226,7 +227,9 @@ async def _follow_fleet(settings: DetectorSettings, folder: Path, executor: Exec
             is_shipped = partial(_has_digest, model, shipped)
             following = await asyncio.to_thread(tracking, settings, model, is_shipped)
             with _closing(following):
-                return await _serve(bus, settings, model, following)
+                code = await _serve(bus, settings, model, following)
+                rollout.leave_marked()
+                return code
         finally:
             running.cancel()
             if rollout.model is not None:

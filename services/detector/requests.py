@@ -67,7 +67,7 @@ async def answering(
         stills = Stills(model, worker, thread, leaving or Leaving(), group)
         stack.callback(stills.close)
         if not role.lists_only:
-            watching = group.create_task(watch(model.name, lambda: stills.asking))
+            watching = group.create_task(watch(lambda: model.name, lambda: stills.asking))
             stack.callback(watching.cancel)
             await stack.enter_async_context(bus.serve(worker_keys.infer(worker), stills.answer, waiting=WAITING))
             stack.push_async_callback(stills.finish)

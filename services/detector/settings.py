@@ -37,6 +37,8 @@ def check_is_file(option: str, weights: str) -> None:
     """Raise ValueError for weights that are not here, and are not to be downloaded. option: that names them."""
     if Path(weights).is_dir():
         raise ValueError(f"{option} {printable(weights)}: a folder")
+    if weights == FLEET and not Path(weights).is_file():
+        raise ValueError(f"{option} {FLEET}: only --model of `fleetsight detector` follows the fleet's; name a file")
     if not Path(weights).is_file():
         raise ValueError(f"{option} {printable(weights)}: no such file (--download lets Ultralytics download it)")
 

@@ -11,11 +11,11 @@ HUNG: Final = 60
 """Checks after which an unanswered model counts as hung; calls with new shapes may take seconds."""
 
 
-async def watch(name: str, pending: Callable[[], object]) -> NoReturn:
+async def watch(name: Callable[[], str], pending: Callable[[], object]) -> NoReturn:
     """Watch a model until cancelled; time in which the process is suspended does not count.
 
-    name: the model's. pending: returns what its next answer is known by, something else after each; None while it is
-    asked nothing.
+    name: returns the model's. pending: returns what its next answer is known by, something else after each; None while
+    it is asked nothing.
 
     Raises:
         ModelError: it does not answer any more.
@@ -27,4 +27,4 @@ async def watch(name: str, pending: Callable[[], object]) -> NoReturn:
         silent = silent + 1 if now is not None and now == before else 0
         before = now
         if silent >= HUNG:
-            raise ModelError(f"{name} has not answered for {HUNG * WATCH_S:g} s")
+            raise ModelError(f"{name()} has not answered for {HUNG * WATCH_S:g} s")

@@ -1,4 +1,4 @@
-"""Asks the model registry over the bus: what is published, a file in pieces, either way."""
+"""Asks the model registry over the bus: what is published, what is to be in force; sends it a file in pieces."""
 
 import asyncio
 import random
@@ -10,8 +10,6 @@ from bus import Bus, RefusedError, RequestError
 from schemas import codec
 from schemas.models import (
     PIECE_BYTES,
-    ModelPiece,
-    ModelPieceRequest,
     ModelRegistry,
     ModelUpload,
     ModelUploadAnswer,
@@ -30,10 +28,10 @@ LAST_PIECE_S: Final = 60.0
 """Seconds that an answer may take; after the last piece of a file the registry reads all of it."""
 
 TRIES: Final = 5
-"""How often a piece without an answer is sent or asked for, before the whole fails."""
+"""How often a piece without an answer is sent, before the whole fails."""
 
 AGAIN_S: Final = (0.5, 2.5)
-"""How long a piece without an answer waits, by lot: hundreds of workers may fetch a model at once."""
+"""How long a piece without an answer waits, by lot."""
 
 BUSY: Final = "busy:"
 
@@ -57,31 +55,6 @@ async def ask_registry(bus: Bus, timeout_s: float) -> ModelRegistry:
 async def use_model(bus: Bus, asked: ModelUse, timeout_s: float) -> ModelRegistry:
     """Have the registry put a model in force, or go back; return its changed state. Raises as `ask_registry` does."""
     return await _once(bus, ModelKey.USE, asked, ModelRegistry, timeout_s)
-
-
-async def fetch_model(bus: Bus, model: PublishedModel, file: Path, progress: Progress) -> None:
-    """Write a published file's pieces to `file`, which the caller then checks by its digest.
-
-    Raises:
-        RequestError: the registry does not answer, or has no such model.
-        SchemaError: an answer cannot be read, or is of another size than the piece.
-        OSError: the file cannot be written.
-    """
-    there = 0
-    with await asyncio.to_thread(file.open, "wb") as written:
-
-        async def fetch(index: int) -> None:
-            nonlocal there
-            wanted = ModelPieceRequest(digest=model.digest, index=index)
-            piece = await _asked(bus, ModelKey.PIECE, wanted, ModelPiece, PIECE_S)
-            if len(piece.data) != piece_bytes(model.size, index):
-                raise RequestError(f"piece {index} of {model.label} came with {len(piece.data)} bytes")
-            written.seek(index * PIECE_BYTES)
-            written.write(piece.data)
-            there += len(piece.data)
-            progress(there)
-
-        await _in_flight(range(pieces_of(model.size)), fetch)
 
 
 async def publish_model(bus: Bus, model: PublishedModel, file: Path, progress: Progress) -> None:

@@ -64,27 +64,34 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
 class SuccessiveLoading:
     """Loads one model after another, each beside the one before; see `load_all`.
 
-    With `--runtime auto` later models take the runtime of the one before, if they work under it: what is measured
-    beside a model that runs is wrong, and would be kept for a week.
+    With `--runtime auto` later models take the runtime of the first, if they work under it: what is measured beside a
+    model that runs is wrong, and would be kept for a week.
     """
 
     def __init__(self, settings: DetectorSettings, folder: Path) -> None:
         self._settings = settings
         self._folder = folder
-        self._runtime: str = settings.runtime
+        self._runtime: str | None = None
 
     def load(self, weights: Path) -> Model:
         """Load weights; raises ModelError."""
         settings = self._settings.model_copy(update={"model": str(weights)})
+        if self._runtime is None:
+            model = load_all(settings, self._folder)
+            self._runtime = _runtime_of(model)
+            return model
         try:
-            model = load_all(settings.model_copy(update={"runtime": self._runtime}), self._folder)
+            return load_all(settings.model_copy(update={"runtime": self._runtime}), self._folder)
         except ModelError:
             if self._runtime == settings.runtime:
                 raise
-            model = load_all(settings, self._folder)
-        if isinstance(model, Pipeline):
-            self._runtime = model.facts.runtime
-        return model
+            return load_all(settings, self._folder)
+
+
+def _runtime_of(model: Model) -> str | None:
+    """Return what a model, or the one of `--model` in a pair, runs under."""
+    of = model.masks if isinstance(model, PairedModel) else model
+    return of.facts.runtime if isinstance(of, Pipeline) else None
 
 
 def load(settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:

@@ -42,13 +42,14 @@ class CameraTracks:
         self._make = make
         self._tracker = make()
         self._last: Header | None = None
+        self._model = ""
         self._epoch = secrets.randbits(EPOCH_BITS)
 
-    def follow(self, objects: list[Detection], frame: ImageFrame) -> list[Detection]:
-        """Return the objects with their track numbers."""
-        if self._last is not None and not _goes_on(self._last, frame.header):
+    def follow(self, objects: list[Detection], frame: ImageFrame, model: str = "") -> list[Detection]:
+        """Return the objects with their track numbers. model: the one that found them; each numbers its own classes."""
+        if self._last is not None and not (model == self._model and _goes_on(self._last, frame.header)):
             self._begin()
-        self._last = frame.header
+        self._last, self._model = frame.header, model
         numbers = self._tracker.update(objects, frame)
         if any(number is not None and number >> TRACK_COUNT_BITS for number in numbers):
             self._begin()
@@ -94,7 +95,7 @@ class Tracking:
     def _followed(self, request: Request, found: DetectedObjects) -> DetectedObjects:
         began_ns = time.perf_counter_ns()
         try:
-            objects = self._tracks(request.camera).follow(found.objects, request.frame)
+            objects = self._tracks(request.camera).follow(found.objects, request.frame, found.model)
         except Exception:  # whatever is wrong with an image, it fails alone
             log.exception("%s: objects of frame %d are not followed", request.camera, request.frame.header.seq)
             self._cameras.pop(request.camera, None)

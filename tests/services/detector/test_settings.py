@@ -81,5 +81,6 @@ def test_the_fleet_s_model_is_no_file_and_no_opinion() -> None:
     assert not DetectorSettings(model="fleet").is_shipped
     with pytest.raises(ValidationError, match="--opinion tries one model beside the fleet's: name its file"):
         DetectorSettings(model="fleet", opinion=True)
-    with pytest.raises(ValidationError, match="--detection-model fleet: no such file"):
+    alone = "--detection-model fleet: only --model of `fleetsight detector` follows the fleet's; name a file"
+    with pytest.raises(ValidationError, match=alone):
         DetectorSettings(detection_model="fleet")

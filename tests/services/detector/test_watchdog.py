@@ -18,7 +18,7 @@ async def test_a_model_that_answers_or_is_asked_nothing_is_not_hung(monkeypatch:
             return looks // HUNG
         return None if looks < 6 * HUNG else "the last one"
 
-    with pytest.raises(ModelError, match=r"^yolo has not answered for 0 s$"):
+    with pytest.raises(ModelError, match=r"^yolo after 420 looks has not answered for 0 s$"):
         async with asyncio.timeout(60):
-            await watch("yolo", pending)
+            await watch(lambda: f"yolo after {looks} looks", pending)
     assert looks == 7 * HUNG

@@ -11,8 +11,9 @@ from bus import LATEST, Bus, NotServedError, RefusedError, Reply, Request, Reque
 from schemas import codec
 from schemas.models import PIECE_BYTES, ModelPiece, ModelRegistry, ModelUse
 from schemas.worker_keys import ModelKey
+from services.detector.fetching import fetch_rest
 from services.model_registry import client
-from services.model_registry.client import ask_registry, fetch_model, publish_model, use_model
+from services.model_registry.client import ask_registry, publish_model, use_model
 from services.model_registry.registry import digest_of
 from services.model_registry.serving import serving_models
 from tests.services.model_registry.buses import two_buses
@@ -37,7 +38,7 @@ async def test_a_file_goes_there_and_back(other: Bus, tmp_path: Path) -> None:
     (known,) = (await ask_registry(other, PATIENCE_S)).models
     assert msgspec.structs.replace(known, published_ns=0) == model
     got: list[int] = []
-    await fetch_model(other, known, tmp_path / "got", got.append)
+    await fetch_rest(other, known, tmp_path / "got", got.append)
     assert got[-1] == len(content)
     assert digest_of(tmp_path / "got") == model.digest
 
@@ -57,7 +58,7 @@ async def test_what_is_refused_says_why(other: Bus, tmp_path: Path) -> None:
     with pytest.raises(RefusedError, match="no published model has the digest"):
         await use_model(other, ModelUse(digest="0" * 64), PATIENCE_S)
     with pytest.raises(RefusedError, match="no published model has the digest"):
-        await fetch_model(other, model_of(b"unknown", "x"), tmp_path / "x", lambda _: None)
+        await fetch_rest(other, model_of(b"unknown", "x"), tmp_path / "x", lambda _: None)
     for key in ModelKey.PIECE, ModelKey.PUBLISH, ModelKey.USE:
         with pytest.raises(RefusedError, match="encoded as"):
             await other.request(key, b"\x80", timeout_s=PATIENCE_S)
@@ -96,22 +97,23 @@ async def test_a_piece_of_another_size_is_not_taken(tmp_path: Path) -> None:
             return Reply(codec.encode(piece), codec.encoding(ModelPiece))
 
         async with monitor.serve(ModelKey.PIECE, lie):
-            with pytest.raises(RequestError, match="came with 5 bytes"):
-                await fetch_model(other, model, tmp_path / "got", lambda _: None)
+            with pytest.raises(RequestError, match="with 5 bytes"):
+                await fetch_rest(other, model, tmp_path / "got", lambda _: None)
 
 
 async def test_who_is_not_answered_asks_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(client, "AGAIN_S", (0, 0.01))
     model = model_of(b"one", "one")
+    (tmp_path / "one").write_bytes(b"one")
     errors = [RefusedError("busy: 2 requests are under way already"), RefusedError("the disk is gone")]
     async with two_buses() as (monitor, other):
 
         async def refuse(_: Request) -> Reply:
             raise errors.pop(0)
 
-        async with monitor.serve(ModelKey.PIECE, refuse):
+        async with monitor.serve(ModelKey.PUBLISH, refuse):
             with pytest.raises(RefusedError, match="the disk is gone"):
-                await fetch_model(other, model, tmp_path / "got", lambda _: None)
+                await publish_model(other, model, tmp_path / "one", lambda _: None)
         with pytest.raises(NotServedError):
-            await fetch_model(other, model, tmp_path / "got", lambda _: None)
+            await publish_model(other, model, tmp_path / "one", lambda _: None)
     assert errors == []

@@ -1,12 +1,14 @@
 """Published models on a worker's machine: only whole files with the right digest are used."""
 
 import asyncio
+import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from schemas.models import ModelRegistry
-from services.detector.model_cache import DamagedModelError, ModelCache
+from services.detector.model_cache import DamagedModelError, ModelCache, usable_cache
 from tests.services.model_registry.publishing import model_of
 
 SITE = model_of(b"weights", "site")
@@ -27,18 +29,53 @@ async def test_a_model_is_there_once_it_is_whole(tmp_path: Path) -> None:
     assert cache.path(SITE).name == f"site@{SITE.digest[:12]}.pt"
 
 
-async def test_neither_another_file_nor_half_of_one_is_kept(tmp_path: Path) -> None:
+async def test_another_file_is_not_kept(tmp_path: Path) -> None:
     cache = ModelCache(tmp_path)
     with pytest.raises(DamagedModelError, match="has another digest than what was published"):
         await fill(cache, b"WEIGHTS")
+    assert list(cache.folder.iterdir()) == []
 
-    async def fail(file: Path) -> None:
+
+async def test_half_a_file_is_no_model_and_goes_on_until_the_process_ends(tmp_path: Path) -> None:
+    cache = ModelCache(tmp_path)
+
+    async def fetch_half(file: Path) -> None:
         await asyncio.to_thread(file.write_bytes, b"wei")
         raise TimeoutError
 
     with pytest.raises(TimeoutError):
-        await cache.fill(SITE, fail)
+        await cache.fill(SITE, fetch_half)
+    assert not cache.holds(SITE)
+
+    async def fetch_rest(file: Path) -> None:
+        with await asyncio.to_thread(file.open, "ab") as part:
+            part.write(b"ghts")
+
+    await cache.fill(SITE, fetch_rest)
+    assert cache.holds(SITE)
+    cache.path(SITE).unlink()
+    with pytest.raises(TimeoutError):
+        await cache.fill(SITE, fetch_half)
+    cache.close()
     assert list(cache.folder.iterdir()) == []
+
+
+async def test_parts_of_another_model_and_of_killed_workers_go(tmp_path: Path) -> None:
+    cache = ModelCache(tmp_path)
+    cache.folder.mkdir()
+    killed, neighbour = cache.folder / "a@1.pt.0.part", cache.folder / "b@1.pt.0.part"
+    for each in (killed, neighbour):
+        each.touch()
+    os.utime(killed, (1, 1))
+
+    async def fetch_nothing(file: Path) -> None:
+        await asyncio.to_thread(file.touch)
+        raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        await cache.fill(model_of(b"other", "other"), fetch_nothing)
+    await fill(cache)
+    assert set(cache.folder.iterdir()) == {neighbour, cache.path(SITE)}
 
 
 @pytest.mark.parametrize("content", [b"WEIGHTS", b"wei"])
@@ -60,9 +97,34 @@ async def test_it_remembers_what_was_run_and_drops_what_the_registry_no_longer_h
     state = ModelRegistry(models=[SITE], in_force=SITE.digest)
     cache.remember(state)
     assert ModelCache(tmp_path).recall() == state
+    cache.remember(ModelRegistry(models=[]))
+    assert cache.path(SITE).exists()  # another worker of the machine may be about to load it
+    os.utime(cache.path(SITE), (1, 1))
     assert cache.holds(SITE)
     cache.remember(ModelRegistry(models=[]))
-    assert not cache.holds(SITE)
+    assert cache.path(SITE).exists()
+    os.utime(cache.path(SITE), (1, 1))
+    cache.remember(ModelRegistry(models=[]))
+    assert not cache.path(SITE).exists()
+
+
+def test_workers_of_one_machine_remember_at_the_same_time(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    def remember(_: int) -> None:
+        cache = ModelCache(tmp_path)
+        for _ in range(100):
+            cache.remember(ModelRegistry(models=[SITE], in_force=SITE.digest))
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(remember, range(4)))
+    assert not caplog.records
+    assert ModelCache(tmp_path).recall() is not None
+
+
+def test_a_cache_that_cannot_be_written_is_replaced(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "file").touch()
+    assert usable_cache(tmp_path / "cache", tmp_path / "spare") == tmp_path / "cache"
+    assert usable_cache(tmp_path / "file", tmp_path / "spare") == tmp_path / "spare"
+    assert f"until this worker ends only: --cache {tmp_path / 'file'}: " in caplog.text
 
 
 def test_what_cannot_be_read_or_written_stops_nobody(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -1,12 +1,16 @@
 """Models that are loaded beside one that runs: nothing is measured then."""
 
+from copy import copy
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from services.detector.model import Model, ModelError
+from services.detector.pairing import PairedModel
 from services.detector.runtime import loading
 from services.detector.runtime.loading import SuccessiveLoading, load_all
+from services.detector.runtime.pipeline import Pipeline
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 
 
@@ -15,7 +19,15 @@ def model(model_folder: Path) -> Model:
     return load_all(DetectorSettings(runtime="torch", cache=model_folder / "cache", refine=False), model_folder)
 
 
-async def test_later_models_take_the_runtime_of_the_one_before_if_they_work_under_it(
+def under(runtime: str, model: Model) -> Model:
+    """Return a model that says that it runs under a runtime."""
+    assert isinstance(model, Pipeline)
+    said = copy(model)
+    said.facts = replace(model.facts, runtime=runtime)
+    return said
+
+
+async def test_later_models_take_the_runtime_of_the_first_if_they_work_under_it(
     model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[tuple[str, str]] = []
@@ -41,6 +53,40 @@ async def test_later_models_take_the_runtime_of_the_one_before_if_they_work_unde
         ("c.pt", "torch"),
         ("c.pt", "auto"),
     ]
+
+
+async def test_a_model_that_works_under_another_runtime_alone_changes_none_of_later_ones(
+    model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[str, str]] = []
+
+    def load(settings: DetectorSettings, _: Path) -> Model:
+        asked.append((settings.model, settings.runtime))
+        if asked[-1] == ("b.pt", "onnx"):
+            raise ModelError("it cannot be exported")
+        return under("torch" if settings.model == "b.pt" else "onnx", model)
+
+    monkeypatch.setattr(loading, "load_all", load)
+    successive = SuccessiveLoading(DetectorSettings(runtime="auto"), tmp_path)
+    for weights in ("a.pt", "b.pt", "c.pt"):
+        successive.load(Path(weights))
+    assert asked == [("a.pt", "auto"), ("b.pt", "onnx"), ("b.pt", "auto"), ("c.pt", "onnx")]
+
+
+async def test_beside_a_model_for_boxes_the_runtime_is_that_of_the_models_that_change(
+    model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def load(settings: DetectorSettings, _: Path) -> Model:
+        asked.append(settings.runtime)
+        return PairedModel(under("torch", model), under("onnx", model))
+
+    monkeypatch.setattr(loading, "load_all", load)
+    successive = SuccessiveLoading(DetectorSettings(runtime="auto"), tmp_path)
+    for weights in ("a.pt", "b.pt"):
+        successive.load(Path(weights))
+    assert asked == ["auto", "onnx"]
 
 
 async def test_a_runtime_that_was_asked_for_is_that_of_all(

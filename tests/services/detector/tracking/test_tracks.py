@@ -152,3 +152,22 @@ async def test_what_was_closed_follows_nothing_more(tracking: Tracking) -> None:
     tracking.close()
     with pytest.raises(RuntimeError):
         await tracking.follow(request("r1"), DetectedObjects([BOX]))
+
+
+def test_another_model_begins_the_tracks_of_a_camera_anew() -> None:
+    factory = Factory()
+    tracks = CameraTracks(factory)
+    found = [
+        tracks.follow([BOX], at(header(seq=seq)), model) for seq, model in enumerate(("a", "a", "b", "b", "a"), start=1)
+    ]
+    assert [each.frames for each in factory.made] == [2, 2, 1]
+    assert len({epoch(each) for each in found}) == 3
+
+
+async def test_the_model_that_found_objects_is_that_of_their_tracks() -> None:
+    factory = Factory()
+    tracking = Tracking(factory)
+    for seq, model in enumerate(("a", "b"), start=1):
+        await tracking.follow(request("r1", seq), DetectedObjects([BOX], model=model))
+    tracking.close()
+    assert [each.frames for each in factory.made] == [1, 1]

@@ -308,6 +308,7 @@ async def test_an_image_that_cannot_be_read_is_one_line(image: Path, capsys: pyt
         ({"image": "x" * 300}, "x: File name too long"),
         ({"model": "x.pt"}, "--local"),
         ({"model": "x.pt", "local": True}, "--model x.pt: no such file"),
+        ({"model": "fleet", "local": True}, "--model fleet: only --model of `fleetsight detector` follows the fleet's"),
         ({"model": ".", "local": True}, "--model .: a folder"),
         ({"image": os.fsdecode(b"\xff.jpg")}, r"--image \\udcff.jpg: no such file"),
         ({"model": os.fsdecode(b"\xff.pt"), "local": True}, r"--model \\udcff.pt: no such file"),
