@@ -194,7 +194,8 @@ class Explorer:
         if unused != self._said_unused:
             self._said_unused = unused
             if unused:
-                log.info("no such stream: %s", ", ".join(unused))
+                unmasked = any(each.startswith("--privacy-mask") for each in unused)
+                log.log(logging.WARNING if unmasked else logging.INFO, "no such stream: %s", ", ".join(unused))
         await offers.change(now)
 
 

@@ -203,4 +203,5 @@ def _robot_returns(settings: GatewaySettings) -> list[StreamReturn[Any]]:
     if settings.results:
         results.append(alerts_return(settings.robot, resolve))
         results.extend(world_returns(settings.robot, resolve, own=settings.own_obstacles))
-    return [*results, actions_return(settings.robot, settings.actions, resolve, DoneActions(state_folder()))]
+    before = DoneActions(state_folder(), settings.robot)
+    return [*results, actions_return(settings.robot, settings.actions, resolve, before)]

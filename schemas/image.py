@@ -174,9 +174,11 @@ def _corner(word: str) -> Corner:
 
 
 def is_inside(area: Area, across: float, down: float) -> bool:
-    """Return whether a point is inside: a ray to the left crosses the polygon's sides oddly often."""
-    inside = False
+    """Return whether a polygon winds around a point, also where its sides cross."""
+    windings = 0
     for (begin_x, begin_y), (end_x, end_y) in pairwise((*area, area[0])):
-        if (begin_y > down) != (end_y > down):
-            inside ^= across < begin_x + (down - begin_y) * (end_x - begin_x) / (end_y - begin_y)
-    return inside
+        if (begin_y > down) != (end_y > down) and across < begin_x + (down - begin_y) * (end_x - begin_x) / (
+            end_y - begin_y
+        ):
+            windings += 1 if end_y > begin_y else -1
+    return windings != 0

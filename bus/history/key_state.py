@@ -51,13 +51,15 @@ class PublisherState:
     """State of one publisher.
 
     last: the number taken last. live: the newest number that came live since it appeared: newer ones
-    come without asking. sought: the newest number that had come when a cache was last asked. late, run: the live
-    message that came last although it is not newer than `last`, and how many of them came in a row.
+    come without asking. sought: the newest number that had come when a cache was last asked. kept: the newest that a
+    cache had, so that live ones up to it are only late. late, run: the live message that came last although it is not
+    newer than `last`, and how many of them came in a row.
     """
 
     last: int = NONE
     live: int = NONE
     sought: int = NONE
+    kept: int = NONE
     late: int = NONE
     run: int = 0
 

@@ -22,7 +22,10 @@ MOST_HELD_BYTES: Final = 32 << 20
 """Most bytes of messages that wait, of all keys together; beyond that they are taken as they are, too."""
 
 ON_THEIR_WAY: Final = 64
-"""More live messages of a key than are on their way when a cache that has them, too, answers."""
+"""More live messages of a key than come out of order."""
+
+BACKLOG: Final = 1 << 16
+"""More of them than wait behind a cache's answer."""
 
 WRAPPED: Final = 1 << 31
 """A number smaller than the last by this much is newer: Zenoh's own numbers wrap at 32 bits."""
@@ -231,8 +234,9 @@ class History(Generic[M]):
             self._ask(known, cache)
 
     def _is_far_behind(self, by: PublisherState, number: int) -> bool:
-        """Return whether a live message is older than any that a cache had before it came."""
-        return ON_THEIR_WAY + 4 * self.recover < by.last - number < WRAPPED
+        """Return whether a live message is older than the last one, and no cache had that one before it came live."""
+        behind = by.last - number
+        return behind < WRAPPED and (behind > BACKLOG or (behind > ON_THEIR_WAY and by.last > by.kept))
 
     def _take(self, by: PublisherState, each: Numbered[M], ready: list[M]) -> None:
         """Take a message unless it came before; count missing ones before it."""
@@ -256,6 +260,8 @@ class History(Generic[M]):
         self._bytes -= sum(self.size(each.message) for each, _ in waiting)
         for each, came in sorted(waiting, key=lambda one: one[0].number):
             by = known.publisher(each.publisher)
+            if not came:
+                by.kept = max(by.kept, each.number)
             if not by.is_behind_hole(each.number):
                 self._take(by, each, ready)
             elif came and seek and each.number > by.sought:

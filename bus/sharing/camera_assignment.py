@@ -117,7 +117,7 @@ class CameraAssignment:
         if not passed:
             return owner(camera, self._workers)
         able = [each for each in self._workers if each.worker not in passed]
-        serving = [each for each in able if each.worker == self._me or each.worker in self._serving]
+        serving = [each for each in able if each.worker in self._serving]
         return owner(camera, serving) or owner(camera, able)
 
     def _note_serving(self, worker: str, change: int) -> None:

@@ -7,7 +7,7 @@ from collections import OrderedDict
 from pathlib import Path
 from typing import Final
 
-FILE: Final = "done-actions.jsonl"
+FILE: Final = "done-actions"
 MOST: Final = 10_000
 """Ids that are remembered, the latest ones; the file has at most twice as many, a line each."""
 
@@ -23,14 +23,15 @@ def state_folder() -> Path | None:
 class DoneActions:
     """The ids of actions that a robot has done. What cannot be read or written is logged; the robot goes on.
 
-    folder: where the file is; None remembers nothing beyond the process.
+    folder: where the robot's file is; None remembers nothing beyond the process.
     """
 
-    def __init__(self, folder: Path | None) -> None:
-        self._file = None if folder is None else folder / FILE
+    def __init__(self, folder: Path | None, robot: str = "") -> None:
+        self._file = None if folder is None else folder / f"{FILE}-{robot}.jsonl"
         self._ids: OrderedDict[str, None] = OrderedDict()
         self._lines = 0
-        self._read()
+        if self._file is not None:
+            self._read(self._file)
 
     def __contains__(self, action: str) -> bool:
         return action in self._ids
@@ -48,19 +49,23 @@ class DoneActions:
                     file.write(json.dumps(action) + "\n")
                 self._lines += 1
         except OSError as error:
+            self._lines = 2 * MOST  # a line may be there in part: the next action writes all of it anew
             log.warning("%s: an action that was done will not be known after a restart: %s", self._file, error.strerror)
 
-    def _read(self) -> None:
-        if self._file is None or not self._file.exists():
-            return
+    def _read(self, file: Path) -> None:
         try:
-            lines = self._file.read_text(encoding="utf-8").splitlines()
-            for line in lines:
+            lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+        except FileNotFoundError:
+            return
+        except OSError as error:
+            log.warning("%s: which actions were done is not known: %s", file, error.strerror)
+            return
+        self._lines = len(lines)
+        for line in lines:
+            try:
                 self._note(str(json.loads(line)))
-            self._lines = len(lines)
-        except (OSError, ValueError) as error:  # a line that was half written when the power went
-            log.warning("%s: read as far as it goes: %s", self._file, error)
-            self._lines = 2 * MOST  # what cannot be read goes with the next action
+            except ValueError:  # half written when the disk was full or the power went
+                self._lines = 2 * MOST
 
     def _note(self, action: str) -> None:
         self._ids[action] = None
@@ -70,6 +75,9 @@ class DoneActions:
 
     def _write_anew(self, file: Path) -> None:
         draft = file.with_suffix(".part")
-        draft.write_text("".join(json.dumps(each) + "\n" for each in self._ids), encoding="utf-8")
+        with draft.open("w", encoding="utf-8") as written:
+            written.writelines(json.dumps(each) + "\n" for each in self._ids)
+            written.flush()
+            os.fsync(written.fileno())
         draft.replace(file)
         self._lines = len(self._ids)

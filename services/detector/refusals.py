@@ -59,16 +59,22 @@ class Refusals:
         self._marks: dict[str, int] = {}
 
     def recall(self) -> None:
-        """Refuse models whose marks stayed: the process that tried them has ended."""
+        """Refuse models whose marks stayed: the process that tried them has ended. Of a model's marks one is kept."""
         now_s = time.time()
+        kept: dict[str, Path] = {}
         for file, digest in self._files():
             with suppress(OSError, ValueError), file.open("rb") as mark:
                 fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while that process lives
                 tries = int(mark.read(20))
                 ago_s = max(0.0, now_s - os.fstat(mark.fileno()).st_mtime)
                 known = self._refused.get(digest)
-                if known is None or known.tries <= tries:
-                    self._refused[digest] = _Refusal(ENDED, tries, time.monotonic() - ago_s)
+                if known is not None and known.tries > tries:
+                    file.unlink()
+                    continue
+                self._refused[digest] = _Refusal(ENDED, tries, time.monotonic() - ago_s)
+                if digest in kept:
+                    kept[digest].unlink(missing_ok=True)
+                kept[digest] = file
 
     def why(self, digest: str, *, blind: bool) -> str | None:
         """Return why a model is not tried now; None if it may be tried. blind: whether no other model runs."""

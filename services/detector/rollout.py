@@ -160,10 +160,15 @@ class Rollout:
             wait_s = growing_wait_s(self._fetches_failed, RETRY_S, MOST_RETRY_S)
         else:
             blind = self.model is None
-            tried = {state.in_force, state.before if blind else state.canary}
+            tried = {state.in_force, state.before if blind else state.canary} - self._running
             wait_s = self._refusals.wait_s(tried, blind=blind)
         self._close_spare()
         return wait_s
+
+    @property
+    def _running(self) -> set[str]:
+        models = () if self.model is None else (self.model.in_force, self.model.canary)
+        return {each.digest for each in models if each is not None}
 
     def _close_spare(self) -> None:
         for unused in self._spare.values():

@@ -59,8 +59,8 @@ class Uploads:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._under_way: dict[str, Upload] = {}
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir()
+        shutil.rmtree(folder, ignore_errors=True)  # one that cannot be removed stays: it is worth nothing
+        folder.mkdir(exist_ok=True)
 
     def of(self, model: PublishedModel, published: Iterable[PublishedModel], now_s: float) -> Upload:
         """Return the upload of a model, which may begin with this. published: the models that are there already.

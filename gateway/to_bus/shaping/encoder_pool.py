@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from bus.delivery.mailbox import PerKey
-from gateway.to_bus.shaping.compression import Frame, Method, compress
+from gateway.to_bus.shaping.compression import LOSSY, Frame, Method, compress
 from gateway.to_bus.shaping.privacy import blackened
 from gateway.to_bus.shaping.scaling import scale_image
 from gateway.to_bus.shaping.uplink import Moment
 from schemas import codec
+from schemas.compression import JPEG, RAW
 from schemas.image import Area, ImageFrame
 
 
@@ -44,12 +45,14 @@ class EncodeJob:
         Raises:
             ShapingError: the frame cannot be blackened or scaled.
         """
-        frame = self.frame
+        frame, method = self.frame, self.method
         if self.private and isinstance(frame, ImageFrame):
+            if frame.format == JPEG and method.format == RAW:
+                method = LOSSY  # decoded for this alone, it would be many times as large
             frame = blackened(frame, self.private)
         if self.factor > 1 and isinstance(frame, ImageFrame):
             frame = scale_image(frame, self.factor)
-        made, method = compress(frame, self.method)
+        made, method = compress(frame, method)
         return Shaped(codec.encode(made), method, self.moment)
 
 

@@ -38,7 +38,9 @@ def blackened(frame: ImageFrame, areas: tuple[Area, ...]) -> ImageFrame:
     """
     raw = frame if frame.format == RAW else _decoded(frame)
     pixels = pixels_of(raw).copy()
-    pixels[_covered(areas, *pixels.shape[:2])] = _BLACK.get(raw.encoding, 0)
+    black = _BLACK.get(raw.encoding, 0)
+    for row, begin, end in _runs(areas, *pixels.shape[:2]):
+        pixels[row, begin:end] = black
     return with_pixels(raw, pixels)
 
 
@@ -57,6 +59,14 @@ def _decoded(frame: ImageFrame) -> ImageFrame:
 
 
 @lru_cache(64)  # cameras have a few sizes
+def _runs(areas: tuple[Area, ...], height: int, width: int) -> list[tuple[int, int, int]]:
+    """Return the row, begin and end of each run of pixels that are covered."""
+    covered = np.zeros((height, width + 2), np.int8)
+    covered[:, 1:-1] = _covered(areas, height, width)
+    rows, edges = np.nonzero(np.diff(covered, axis=1))
+    return list(zip(rows[::2].tolist(), edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
 def _covered(areas: tuple[Area, ...], height: int, width: int) -> NDArray[np.bool_]:
     """Return which pixels are in an area, touch it, or are beside one that does."""
     covered = np.zeros((height + 2, width + 2), np.bool_)
@@ -76,11 +86,12 @@ def _covered(areas: tuple[Area, ...], height: int, width: int) -> NDArray[np.boo
 
 
 def _inside(corners: NDArray[np.float64], height: int, width: int) -> NDArray[np.bool_]:
-    """Return which pixels' centres are inside of a closed polygon: a ray to the left crosses its sides oddly often."""
+    """Return which pixels' centres a closed polygon winds around, also where its sides cross."""
     across, down = np.arange(width) + 0.5, (np.arange(height) + 0.5)[:, np.newaxis]
-    inside = np.zeros((height, width), np.bool_)
+    windings = np.zeros((height, width), np.int16)
     for (begin_x, begin_y), (end_x, end_y) in pairwise(corners):
         if begin_y != end_y:
             crossed = (begin_y > down) != (end_y > down)
-            inside ^= crossed & (across < begin_x + (down - begin_y) * (end_x - begin_x) / (end_y - begin_y))
-    return inside
+            right = across < begin_x + (down - begin_y) * (end_x - begin_x) / (end_y - begin_y)
+            windings += np.where(crossed & right, 1 if end_y > begin_y else -1, 0).astype(np.int16)
+    return np.asarray(windings != 0, np.bool_)

@@ -19,7 +19,7 @@ from gateway.to_bus.shaping.uplink import Moment
 from gateway.to_bus.shaping.uplink_pacer import Pacer
 from gateway.to_bus.translators import kind_of
 from schemas.header import Header
-from schemas.keys import CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
+from schemas.keys import ROS, CameraKey, RobotStreamKey, SensorKey, Stream, StreamKey
 
 log = logging.getLogger(__name__)
 
@@ -85,8 +85,11 @@ class Shaping:
 
     def _plan(self, key: SensorKey) -> OutputPlan:
         if not isinstance(key, StreamKey):
+            if key.kind == ROS and self._settings.privacy_mask:
+                log.warning("%s: sent as it is: --privacy-mask is for cameras' images", key)
             return OutputPlan(all_here=partial(self._consumers.all_here, key), droppable=kind_of(key).is_droppable)
-        if key.stream is Stream.POINTS and self._settings.private_areas_of(StreamKey(key.camera, Stream.COLOR).name):
+        images = (StreamKey(key.camera, each).name for each in IMAGES)
+        if key.stream is Stream.POINTS and any(map(self._settings.private_areas_of, images)):
             log.warning("%s: points are sent as they are: --privacy-mask is for images; --deny keeps them here", key)
         scaled_like = StreamKey(key.camera, _SCALED_LIKE.get(key.stream, key.stream))
         return OutputPlan(

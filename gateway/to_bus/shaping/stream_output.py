@@ -11,7 +11,7 @@ from bus import MAX_PAYLOAD_BYTES, Payload, Pieces, Publisher
 from gateway.to_bus.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.to_bus.shaping.encoder_pool import EncodeJob, EncoderPool, Shaped
 from gateway.to_bus.shaping.paced_queue import PacedQueue
-from gateway.to_bus.shaping.scaling import scale_info
+from gateway.to_bus.shaping.scaling import ShapingError, scale_info
 from gateway.to_bus.shaping.uplink import Moment
 from gateway.to_bus.shaping.uplink_pacer import Pacer
 from schemas import codec
@@ -110,6 +110,9 @@ class StreamOutput:
         moment = None if self._pacer is None or may_be_last else self._plan.moment_of(frame.header)
         private = self._plan.private
         as_it_is = method.format == RAW and factor == 1 and not private
+        if self._workshop is None and private:
+            self.spoilt(ShapingError("nothing here can blacken it"))
+            return
         if self._workshop is None or (as_it_is and not self._workshop.is_busy_for(self)):
             self._compression = frame.format
             self._pass_on(Pieces(*codec.encode_in_pieces(frame)), moment)

@@ -29,6 +29,9 @@ MAX_BUFFERED: Final = 1_000
 """Messages that wait for the answer with all objects; of more, the oldest are dropped, and it is asked for again."""
 
 
+LATEST: Final = 10
+"""Statuses by which changes overtake them at most: both have queues of their own on the way."""
+
 SITE: Final = ""
 """Stands for all of a site where a zone is named."""
 
@@ -102,7 +105,7 @@ class SiteObjects:
         self._epoch = ""
         self._last = 0
         self._told_last = 0
-        self._had_last = 0
+        self._had: deque[int] = deque(maxlen=LATEST)
         self._waiting: deque[WorldChanges] = deque(maxlen=MAX_BUFFERED)
         self.set_zones(zones)
 
@@ -140,17 +143,19 @@ class SiteObjects:
     def hear(self, status: SiteStatus) -> None:
         """Compare with what the world model says.
 
-        Be behind if changes that it told of a status ago never came, or if some came a status ago that it knows nothing
-        of: they were somebody else's, and its own with those numbers were taken for old ones.
+        Be behind if changes that it told of a status ago never came, or if some came LATEST statuses ago that it knows
+        nothing of: they were somebody else's, and its own with those numbers were taken for old ones.
         """
-        if status.epoch != self._epoch or self._last < self._told_last or status.last < self._had_last:
+        unknown = len(self._had) == LATEST and status.last < self._had[0]
+        if status.epoch != self._epoch or self._last < self._told_last or unknown:
             self.is_behind = True
-        self._told_last, self._had_last = status.last, self._last
+        self._told_last = status.last
+        self._had.append(self._last)
 
     def replace(self, epoch: str, last: int, objects: Iterable[WorldObject]) -> None:
         """Take all objects as of the change numbered `last`, then the changes that came meanwhile."""
         self._epoch, self._last, self._told_last, self.is_behind = epoch, last, last, False
-        self._had_last = 0  # a status may have been sent before the answer
+        self._had.clear()  # a status may have been sent before the answer
         self.objects, self.is_full = {}, False
         self.version += 1
         self._cells.clear()

@@ -135,6 +135,13 @@ def test_so_does_one_that_comes_first(recover: int) -> None:
     assert got.messages == [1 << 30, *range(LATE_RUN, 20)]
 
 
+def test_so_does_one_that_a_cache_has() -> None:
+    got = Received(9)
+    got.appear(kept=[1, 2, 1 << 30])
+    got.live(*range(3, 30))
+    assert got.messages == [1, 2, 1 << 30, *range(2 + LATE_RUN, 30)]
+
+
 def test_one_that_is_far_ahead_again_and_again_does_no_more() -> None:
     got = Received(1)
     for number in range(1, 100):
@@ -144,12 +151,14 @@ def test_one_that_is_far_ahead_again_and_again_does_no_more() -> None:
     assert len([each for each in got.messages if each < 1 << 30]) == 99 - 4 * (LATE_RUN - 1)
 
 
-@pytest.mark.parametrize("kept", [20, 60])
-def test_many_that_are_on_their_way_when_a_cache_has_them_come_once(kept: int) -> None:
-    got = Received(recover=100)
-    got.appear(kept=range(1, kept))
+@pytest.mark.parametrize("recover", [1, 100])
+@pytest.mark.parametrize("kept", [20, 300])
+def test_many_that_are_on_their_way_when_a_cache_has_them_come_once(recover: int, kept: int) -> None:
+    got = Received(recover)
+    got.appear(kept=range(1, kept) if recover > 1 else [kept - 1])
     got.live(*range(1, kept + 5))
-    assert got.outcome == (list(range(1, kept + 5)), 0)
+    first = 1 if recover > 1 else kept - 1
+    assert got.outcome == (list(range(first, kept + 5)), 0)
 
 
 def test_publishers_of_other_keys_are_not_waited_for() -> None:

@@ -1,5 +1,6 @@
 """Which actions a robot does: those of now, each once, whoever sends them."""
 
+import errno
 from contextlib import suppress
 from pathlib import Path
 
@@ -168,28 +169,49 @@ def test_what_was_done_is_known_to_the_next_process_and_the_latest_at_last(
 ) -> None:
     monkeypatch.setattr(done_actions, "MOST", 3)
     for number in range(20):
-        DoneActions(tmp_path).add(f"pick \n {number}")
-    known = DoneActions(tmp_path)
+        DoneActions(tmp_path, "r1").add(f"pick \n {number}")
+    known = DoneActions(tmp_path, "r1")
     assert [number for number in range(20) if f"pick \n {number}" in known] == [17, 18, 19]
-    assert len((tmp_path / done_actions.FILE).read_text(encoding="utf-8").splitlines()) <= 6
+    (file,) = tmp_path.iterdir()
+    assert len(file.read_text(encoding="utf-8").splitlines()) <= 6
+    assert "pick \n 19" not in DoneActions(tmp_path, "r2")
 
 
-def test_a_file_that_was_half_written_is_read_as_far_as_it_goes(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("spoilt", [b'"3', b'"3\n', b'"\xff\n', b"\n"])
+def test_a_line_that_was_half_written_costs_no_other(tmp_path: Path, spoilt: bytes) -> None:
+    DoneActions(tmp_path, "r1").add("1")
+    (file,) = tmp_path.iterdir()
+    file.write_bytes(file.read_bytes() + spoilt + b'"2"\n' * spoilt.endswith(b"\n"))
+    DoneActions(tmp_path, "r1").add("4")
+    DoneActions(tmp_path, "r1").add("5")
+    known = DoneActions(tmp_path, "r1")
+    assert [each in known for each in ("1", "2", "4", "5")] == [True, spoilt.endswith(b"\n"), True, True]
+
+
+def test_a_disk_that_is_full_for_a_while_costs_no_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    actions = DoneActions(tmp_path, "r1")
+    actions.add("1")
+    (file,) = tmp_path.iterdir()
+
+    def fill(*_: object, **__: object) -> None:
+        with open(file, "ab") as torn:  # noqa: PTH123 - Path's is what fails
+            torn.write(b'"2')
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(Path, "open", fill)
+        actions.add("2")
+    actions.add("3")
+    assert [each in DoneActions(tmp_path, "r1") for each in ("1", "2", "3")] == [True, True, True]
+
+
+@pytest.mark.parametrize("folder", ["gone", "x" * 300])
+def test_a_folder_that_cannot_be_used_stops_no_action(
+    clocks: Clocks, tmp_path: Path, caplog: pytest.LogCaptureFixture, folder: str
 ) -> None:
-    (tmp_path / done_actions.FILE).write_text('"1"\n"2"\n"3', encoding="utf-8")
-    known = DoneActions(tmp_path)
-    assert "read as far as it goes" in caplog.text
-    known.add("4")
-    assert [each in DoneActions(tmp_path) for each in ("1", "2", "3", "4")] == [True, True, False, True]
-
-
-def test_a_folder_that_cannot_be_written_stops_no_action(
-    clocks: Clocks, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    actions = fresh(clocks, tmp_path / "gone")
+    actions = fresh(clocks, tmp_path / folder)
     assert [done(actions, sent(clocks)), done(actions, sent(clocks))] == [True, False]
-    assert "will not be known after a restart: No such file or directory" in caplog.text
+    assert "will not be known after a restart: " in caplog.text
 
 
 def test_the_folder_is_the_first_that_systemd_gives(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,12 +6,14 @@ from contextlib import AsyncExitStack
 import numpy as np
 import pytest
 
+from bus import QoS
 from bus.fake import FakeNetwork
 from gateway.to_bus.shaping.compression import LOSSY, NONE
 from gateway.to_bus.shaping.encoder_pool import EncodeJob
 from gateway.to_bus.shaping.privacy import blackened
 from gateway.to_bus.shaping.scaling import ShapingError, pixels_of
 from gateway.to_bus.shaping.settings import ShapingSettings
+from gateway.to_bus.shaping.stream_output import OutputPlan, StreamOutput
 from schemas import codec
 from schemas.image import ImageFrame, parse_area
 from schemas.keys import sensor_key
@@ -72,6 +74,13 @@ def test_an_area_may_have_any_shape_and_several_add_up() -> None:
     assert pixels_of(blackened(frame("rgb8", WHITE), (hollow,)))[4:8, 62:].max() == 0
 
 
+def test_where_an_areas_sides_cross_all_that_they_surround_is_black() -> None:
+    star = parse_area("0.5:0 0.8:1 0:0.4 1:0.4 0.2:1")
+    after = pixels_of(blackened(frame("rgb8", WHITE), (star,)))[..., 0]
+    assert after[24, 32] == after[20, 20] == 0
+    assert after[2, 2] == 255
+
+
 def test_an_area_narrower_than_a_pixel_is_black_too() -> None:
     line = parse_area("0.501:0 0.502:0 0.502:1 0.501:1")
     assert pixels_of(blackened(frame("rgb8", WHITE), (line,)))[:, 32].max() == 0
@@ -89,6 +98,8 @@ def test_what_arrived_as_a_jpeg_is_decoded_for_it() -> None:
     made = EncodeJob(file, 1, LOSSY, private=(LEFT_HALF,)).do()
     arrived = codec.decode(ImageFrame, made.payload, codec.encoding(ImageFrame))
     assert (arrived.format, str(made.method)) == ("jpeg", "jpeg:80")
+    assert str(EncodeJob(file, 1, NONE, private=(LEFT_HALF,)).do().method) == "jpeg:80"
+    assert str(EncodeJob(frame("rgb8", WHITE), 1, NONE, private=(LEFT_HALF,)).do().method) == "raw"
     assert decoded(arrived)[:, :24].max() <= 2
     assert decoded(arrived)[:, 40:].min() >= 250
 
@@ -122,12 +133,23 @@ async def test_a_raw_frame_for_neighbours_is_blackened_too_and_one_that_cannot_b
 async def test_points_of_such_a_camera_are_said_to_be_sent_as_they_are(
     rig: Rig, caplog: pytest.LogCaptureFixture
 ) -> None:
-    shaping = await rig.shaping(privacy_mask=["front/color=0:0 1:0 1:1 0:1"])
+    shaping = await rig.shaping(privacy_mask=["front/depth=0:0 1:0 1:1 0:1"])
     await rig.output(sensor_key("r1", "rear/points"), shaping)
     assert not caplog.messages
     await rig.output(sensor_key("r1", "front/points"), shaping)
-    (said,) = caplog.messages
-    assert said.startswith("fleet/r1/front/points: points are sent as they are: --privacy-mask is for images")
+    await rig.output(sensor_key("r1", "ros/front/image"), shaping)
+    assert [each.partition(": ")[::2] for each in caplog.messages] == [
+        ("fleet/r1/front/points", "points are sent as they are: --privacy-mask is for images; --deny keeps them here"),
+        ("fleet/r1/ros/front/image", "sent as it is: --privacy-mask is for cameras' images"),
+    ]
+
+
+async def test_what_nobody_can_blacken_is_not_sent(rig: Rig) -> None:
+    bus = await rig._stack.enter_async_context(rig.network.open_bus())
+    publisher = await rig._stack.enter_async_context(bus.publisher(str(COLOR), QoS.IMAGE))
+    output = StreamOutput(COLOR, publisher, OutputPlan(private=(LEFT_HALF,)))
+    output.put(numbered(0))
+    assert (output.counts.dropped, output.counts.bytes) == ({UNSHAPED: 1}, 0)
 
 
 def test_rules_add_up_for_the_streams_that_they_fit() -> None:

@@ -94,3 +94,14 @@ def test_a_folder_that_cannot_be_written_is_no_failure(tmp_path: Path, caplog: p
     known.refuse(A, "no memory")
     known.works(A)
     assert known.why(A, blind=False) is None
+
+
+def test_a_model_that_ends_every_start_leaves_one_mark(tmp_path: Path) -> None:
+    for _ in range(10):
+        dying = started(tmp_path)
+        dying.trying(A)
+        dying.leave_marked(A)
+    assert len(list(tmp_path.iterdir())) == 2
+    last = started(tmp_path)
+    assert len(list(tmp_path.iterdir())) == 1
+    assert last.why(A, blind=False) == ENDED

@@ -8,7 +8,7 @@ from schemas.space import Vector
 from schemas.world import ChangeKind, WorldChange, WorldChanges, WorldObject
 from services.monitor.fleet import Fleet
 from services.monitor.map.sites import FRESH_NS, Sites
-from services.monitor.world.site_objects import MAX_BUFFERED, MAX_FOLLOWED, SITE, SiteObjects, World
+from services.monitor.world.site_objects import LATEST, MAX_BUFFERED, MAX_FOLLOWED, SITE, SiteObjects, World
 from services.monitor.world.zones import Zone
 from tests.services.monitor.map.test_sites import status
 
@@ -133,15 +133,16 @@ def test_changes_that_a_status_told_of_and_that_never_came_are_noticed_at_the_ne
     assert hall.is_behind
 
 
-def test_changes_of_somebody_else_in_the_models_name_are_noticed_at_the_next_status(hall: SiteObjects) -> None:
+def test_changes_of_somebody_else_in_the_models_name_are_noticed_a_few_statuses_later(hall: SiteObjects) -> None:
     told = msgspec.structs.replace(status("hall"), epoch="e")
     hall.take(changes(1, change(ChangeKind.APPEARED, thing("1", 1))))
     hall.hear(msgspec.structs.replace(told, last=1))
     forged = [change(ChangeKind.APPEARED, thing(f"forged {number}", 1)) for number in range(100)]
     hall.take(changes(2, *forged))
     hall.take(changes(2, change(ChangeKind.APPEARED, thing("2", 1))))
-    hall.hear(msgspec.structs.replace(told, last=2))
-    assert not hall.is_behind, "changes may overtake a status"
+    for _ in range(LATEST):
+        hall.hear(msgspec.structs.replace(told, last=2))
+        assert not hall.is_behind, "changes may overtake statuses"
     hall.hear(msgspec.structs.replace(told, last=2))
     assert hall.is_behind
     hall.replace("e", 2, [thing("1", 1), thing("2", 1)])
