@@ -29,7 +29,7 @@ from tests.integration.page.sights import robot_on
 from tests.integration.services.test_worldmodel import SITE, THINGS, Robots, start
 from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.serving import Served, served
-from tests.waiting import until
+from tests.waiting import PATIENCE_S, until
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
 
@@ -99,8 +99,13 @@ async def site(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Site]:
 
 
 async def size_of(polygon: Locator) -> tuple[float, float]:
-    width, height = await polygon.evaluate(BOX_OF)
-    return float(width), float(height)
+    """Return its width and height once it has some: a map that is drawn anew has none for a moment."""
+    async with asyncio.timeout(PATIENCE_S):
+        while True:
+            width, height = await polygon.evaluate(BOX_OF)
+            if width and height:
+                return float(width), float(height)
+            await asyncio.sleep(0.05)
 
 
 async def test_objects_are_drawn_at_their_size_once_and_lead_to_their_pages(site: Site, tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ async def test_a_zone_is_drawn_changed_and_removed(site: Site, tmp_path: Path) -
         drawn = site.zones()['dock "1"']
         assert drawn.site == "main"
         assert [each for corner in drawn.corners for each in corner] == pytest.approx(
-            [each for corner in corners for each in corner], abs=0.05
+            [each for corner in corners for each in corner], abs=0.1
         )
         await page.get_by_role("button", name="Change dock 1 of site main").click()
         await page.get_by_label("Name").fill("dock 2")
