@@ -95,6 +95,9 @@ class Seen:
 
 
 ANSWER_S = 3.0
+EVERY_TOKEN = ("**", "**/@alive/**", "**/@adv/**")
+"""Key expressions that match all tokens: `**` alone matches no chunk that begins with `@`."""
+
 BOUND = ("r1", "r3", "gpu1", "rack1", "world1", "central2", "ann", "wall", "berlin", "stranger")
 
 
@@ -111,7 +114,10 @@ class Fleet:
         """Return when the router knows of no presence any more: what comes late would be another test's."""
         end = time.monotonic() + 10
         while present := [
-            str(reply.key_expr) for answer in self.central.liveliness().get("**") if (reply := answer.ok)
+            str(reply.key_expr)
+            for expression in EVERY_TOKEN
+            for answer in self.central.liveliness().get(expression)
+            if (reply := answer.ok)
         ]:
             assert time.monotonic() < end, present
 
