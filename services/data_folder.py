@@ -104,3 +104,14 @@ def _lines(file: Path) -> Iterator[dict[str, Any]]:
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise DatasetError(f"{printable(str(file))}: line {number} is damaged; remove it") from error
         yield about
+
+
+def cut_torn(record: Path) -> None:
+    """Remove the half of a line that a killed process left at a record's end.
+
+    Raises:
+        OSError: it cannot be read or written.
+    """
+    content = record.read_bytes() if record.exists() else b""
+    if content and not content.endswith(b"\n"):
+        record.write_bytes(content[: content.rfind(b"\n") + 1])

@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 WAITING: Final = 16
 PIECES_WAITING: Final = 1_000
-"""Requests for pieces that wait, two of each worker: hundreds may fetch a model at once; others ask again."""
+"""Requests for pieces that wait, one of each worker: hundreds may fetch a model at once; others ask again."""
 
 T = TypeVar("T")
 Q = TypeVar("Q", bound=codec.Message)

@@ -9,7 +9,7 @@ from typing import Any
 from schemas.detections import Detections
 from schemas.keys import CameraKey
 from schemas.printing import printable
-from services.data_folder import COLLECTED, NAMES, SPLITS, DatasetError, labels_of, names_in, write_names
+from services.data_folder import COLLECTED, NAMES, SPLITS, DatasetError, cut_torn, labels_of, names_in, write_names
 from services.toolbox.collect.pictures import Picture, labels
 from services.whole_file import write_whole
 
@@ -101,11 +101,8 @@ class Dataset:
 
     def _read_record(self) -> None:
         record = self.folder / COLLECTED
-        text = record.read_text(encoding="utf-8") if record.exists() else ""
-        whole, _, torn = text.rpartition("\n")
-        if torn:  # of a process that was killed as it wrote
-            record.write_text(f"{whole}\n" if whole else "", encoding="utf-8")
-        lines = whole.splitlines()
+        cut_torn(record)
+        lines = record.read_text(encoding="utf-8").splitlines() if record.exists() else []
         for number, line in enumerate(lines, 1):
             try:
                 self._note(json.loads(line))

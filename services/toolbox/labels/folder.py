@@ -19,6 +19,7 @@ from services.data_folder import (
     SPLITS,
     Origin,
     Origins,
+    cut_torn,
     images_in,
     labels_of,
     names_in,
@@ -170,7 +171,7 @@ class DataFolder:
         self._learn(each.name for _, objects in found for each in objects)
         as_before = [self._is_as_before(*each) for each in found]
         self._note_boxes([each for each, same in zip(found, as_before, strict=True) if not same])
-        _cut_torn(self.folder / LABELLED)
+        cut_torn(self.folder / LABELLED)
         at = datetime.now(UTC).isoformat(timespec="seconds")
         with (self.folder / LABELLED).open("a", encoding="utf-8") as record:
             for (picture, objects), same in zip(found, as_before, strict=True):
@@ -210,10 +211,3 @@ def _is_same(one: LabelledObject, other: LabelledObject) -> bool:
     if (one.name, one.is_box, one.polygon.shape) != (other.name, other.is_box, other.polygon.shape):
         return False
     return bool(np.allclose(one.polygon, other.polygon, rtol=0, atol=SAME))
-
-
-def _cut_torn(record: Path) -> None:
-    """Remove the half of a line that a killed process left at a record's end."""
-    text = record.read_bytes() if record.exists() else b""
-    if text and not text.endswith(b"\n"):
-        record.write_bytes(text[: text.rfind(b"\n") + 1])

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import zenoh
 
+from benchmarks.scale.declarations import TOKENS
 from bus.session.config import session_config
 from bus.settings import BusSettings
 from services.access.authority import Authority
@@ -95,9 +96,6 @@ class Seen:
 
 
 ANSWER_S = 3.0
-EVERY_TOKEN = ("**", "**/@alive/**", "**/@adv/**")
-"""Key expressions that match all tokens: `**` alone matches no chunk that begins with `@`."""
-
 BOUND = ("r1", "r3", "gpu1", "rack1", "world1", "central2", "ann", "wall", "berlin", "stranger")
 
 
@@ -115,7 +113,7 @@ class Fleet:
         end = time.monotonic() + 10
         while present := [
             str(reply.key_expr)
-            for expression in EVERY_TOKEN
+            for expression in TOKENS
             for answer in self.central.liveliness().get(expression)
             if (reply := answer.ok)
         ]:
