@@ -28,6 +28,7 @@ from services.detector.runtime.postprocess import OutputError
 from services.detector.runtime.refinement.refiner import Refiner, blank_close_ups
 from services.detector.settings import LEAST_SIDE, MOST_SIDE, DetectorSettings
 from services.detector.tracking.confirmed_tracks import NEUTRAL, neutral_score
+from services.detector.tracking.trackers import CameraTracker
 from services.detector.tracking.tracks import Tracking
 
 if TYPE_CHECKING:
@@ -184,8 +185,6 @@ def tracking(settings: DetectorSettings, model: Model, is_shipped: Callable[[], 
     """
     if settings.tracker == "off":
         return None
-    from services.detector.tracking.trackers import UltralyticsTracker  # noqa: PLC0415 - it is heavy
-
     shipped = settings.is_shipped
 
     def neutral() -> float:
@@ -193,7 +192,7 @@ def tracking(settings: DetectorSettings, model: Model, is_shipped: Callable[[], 
         known = settings.track_score or (NEUTRAL if (is_shipped() if is_shipped else shipped) else None)
         return known or neutral_score(settings.confidence if confidence is None else confidence)
 
-    return Tracking(partial(UltralyticsTracker, settings.tracker, neutral))
+    return Tracking(partial(CameraTracker, settings.tracker, neutral))
 
 
 def _tuning(settings: DetectorSettings) -> Tuning:

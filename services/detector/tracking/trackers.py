@@ -1,30 +1,20 @@
-"""Runs Ultralytics' trackers, one per camera. They do not use appearance, so they download no model."""
+"""Follows the objects of a camera: a tracker's association, and the numbers that its tracks earn."""
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
-from ultralytics.engine.results import Boxes
-from ultralytics.trackers.bot_sort import BOTSORT
-from ultralytics.trackers.byte_tracker import BYTETracker
-from ultralytics.trackers.utils.kalman_filter import KalmanFilterXYWH
-from ultralytics.utils import ROOT, YAML, IterableSimpleNamespace
 
 from schemas.detections import Detection
 from schemas.image import ImageFrame
 from services.detector.pixels import glance
-from services.detector.runtime.overlap import at_border, boxes_of, overlaps
-from services.detector.tracking.camera_motion import Motion, moved
+from services.detector.runtime.overlap import boxes_of
+from services.detector.tracking.camera_motion import Motion
 from services.detector.tracking.confirmed_tracks import LEAST, NEUTRAL, ConfirmedTracks
+from services.detector.tracking.flow_tracker import FlowTracker
 
 Kind = Literal["bytetrack", "botsort"]
-
-NUMBER: Final = 4
-SCORE: Final = 5
-INDEX: Final = 7
-"""Places in a tracker's rows: left, top, right, bottom, number, score, class, index of the object."""
 
 LOOKED_AT: Final = 160
 """The width in pixels at which images are compared."""
@@ -34,119 +24,100 @@ LOST_NS: Final = 2_000_000_000
 
 MAX_FRAMES_LOST: Final = 1_000
 
-OURS: Final[dict[Kind, dict[str, Any]]] = {
-    "bytetrack": {"fuse_score": False},
-    "botsort": {
-        "fuse_score": False,
-        "match_thresh": 0.9,
-        "track_high_thresh": 0.0,
-        "new_track_thresh": 0.0,
-        "gmc_method": "none",
-    },
-}
+NUMBER: Final = 4
+INDEX: Final = 7
+"""Places in the rows of Ultralytics' trackers: left, top, right, bottom, number, score, class, index of the object."""
+
+BYTETRACK: Final = {"fuse_score": False}
 """Settings other than Ultralytics'. Fused with scores, the overlap of what a model is not sure of is never enough to be
-followed; a place that is moved with its own part of the image may be believed at less overlap. What low scores are
-matched with apart from others, as ByteTrack does, is not `get_dists`, and may be of another class."""
+followed."""
 
 
-class LastSeen(KalmanFilterXYWH):
-    """Replaces the Kalman filter: an object is at its last position, moved with the image."""
+class Association(Protocol):
+    """Finds out which detections are of one thing."""
 
     def update(
-        self, mean: NDArray[Any], covariance: NDArray[Any], measurement: NDArray[Any], confidence: float | None = None
-    ) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return the state (centre, size, speeds of 0) that is the measurement."""
-        del mean, confidence
-        return np.concatenate([measurement, np.zeros_like(measurement)]), covariance
+        self, objects: Sequence[Detection], frame: ImageFrame, frames_lost: int, least: float
+    ) -> list[tuple[int, int]]:
+        """Take the next frame's objects; return pairs of a track's own number and the index of its object.
+
+        frames_lost: the number of frames within which a track is found again. least: the score that begins a
+        track.
+        """
 
 
-class MovingBOTSORT(BOTSORT):
-    """BoT-SORT whose tracks move with the image inside their boxes, instead of with one motion of the camera.
+class ByteTrack:
+    """Ultralytics' ByteTrack. It uses no appearance, so it downloads no model."""
 
-    An image that it is given (`update`) is the flow since the last one; see `Motion.look`. `size`: width and height of
-    the real one. A detection goes on with tracks of its class alone.
-    """
+    def __init__(self) -> None:
+        from ultralytics.trackers.byte_tracker import BYTETracker  # noqa: PLC0415 - it needs torch
+        from ultralytics.utils import ROOT, YAML, IterableSimpleNamespace  # noqa: PLC0415 - as above
 
-    def __init__(self, args: IterableSimpleNamespace) -> None:
-        super().__init__(args)
-        self.size = (0, 0)
-        self._at_border: dict[int, NDArray[np.bool_]] = {}
+        settings = {**YAML.load(ROOT / "cfg" / "trackers" / "bytetrack.yaml"), **BYTETRACK}
+        self._least_score = float(settings["new_track_thresh"])
+        self._tracker: Any = BYTETracker(IterableSimpleNamespace(**settings))
 
-    def get_kalmanfilter(self) -> LastSeen:
-        """See `LastSeen`."""
-        return LastSeen()  # type: ignore[no-untyped-call]
+    def update(
+        self, objects: Sequence[Detection], frame: ImageFrame, frames_lost: int, least: float
+    ) -> list[tuple[int, int]]:
+        """See `Association.update`. Tracks begin also where a model's scores are all low."""
+        from ultralytics.engine.results import Boxes  # noqa: PLC0415 - it needs torch
 
-    def multi_predict(self, tracks: list[Any]) -> None:
-        """Leave tracks in place: only the image moves them."""
-
-    def _pre_first_associate(self, pool: list[Any], unconfirmed: list[Any], flow: Any, results_high: Any) -> None:
-        del results_high
-        tracks = [*pool, *unconfirmed]
-        boxes = np.array([each.xyxy for each in tracks]).reshape(-1, 4)
-        self._at_border = dict(zip((each.track_id for each in tracks), at_border(boxes, self.size), strict=True))
-        if flow is None or not tracks:
-            return
-        places = moved(boxes, flow, flow.shape[1] / self.size[0])
-        for track, place in zip(tracks, places, strict=True):
-            track.mean[:2], track.mean[2:4] = (place[:2] + place[2:]) / 2, place[2:] - place[:2]
-
-    def get_dists(self, tracks: list[Any], detections: list[Any]) -> NDArray[np.float32]:
-        """Return tracks x detections: 1 minus their overlap; 1 where classes differ."""
-        boxes, found = (np.array([each.xyxy for each in many]).reshape(-1, 4) for many in (tracks, detections))
-        cut = np.array([self._at_border[each.track_id] for each in tracks], np.bool_).reshape(-1, 4)
-        same = np.equal.outer([each.cls for each in tracks], [each.cls for each in detections])
-        return np.where(same, 1 - overlaps(boxes, found, cut, self.size), 1).astype(np.float32)
-
-    def _format_output(self) -> NDArray[np.float32]:
-        """Return this frame's tracks, including new ones: evidence confirms them, not the count."""
-        return np.array([each.result for each in self.tracked_stracks], np.float32)
+        needed = min(self._least_score, least)
+        self._tracker.args.track_high_thresh = self._tracker.args.new_track_thresh = needed
+        self._tracker.max_frames_lost = frames_lost - 2  # what it gave up it finds for one frame more
+        scores = np.array([(max(each.score, LEAST), each.label) for each in objects]).reshape(-1, 2)
+        rows = np.concatenate([boxes_of(objects), scores], axis=1).astype(np.float32)
+        tracks = self._tracker.update(Boxes(rows, (frame.height, frame.width))).reshape(-1, INDEX + 1)
+        return [(int(row[NUMBER]), int(row[INDEX])) for row in tracks]
 
 
-CLASSES: Final[dict[Kind, type[Any]]] = {"bytetrack": BYTETracker, "botsort": MovingBOTSORT}
+class ByFlow:
+    """Our own, by optical flow; see `flow_tracker`."""
+
+    def __init__(self) -> None:
+        self._tracker = FlowTracker()
+        self._motion = Motion()
+
+    def update(
+        self, objects: Sequence[Detection], frame: ImageFrame, frames_lost: int, least: float
+    ) -> list[tuple[int, int]]:
+        """See `Association.update`. Every object begins a track: evidence confirms them, not the first score."""
+        del least
+        flow = self._motion.look(glance(frame, LOOKED_AT))
+        labels = [each.label for each in objects]
+        return self._tracker.update(boxes_of(objects), labels, flow, (frame.width, frame.height), frames_lost)
 
 
-class UltralyticsTracker:
+ASSOCIATIONS: Final[dict[Kind, Callable[[], Association]]] = {"bytetrack": ByteTrack, "botsort": ByFlow}
+
+
+class CameraTracker:
     """Follows the objects of one camera.
 
     neutral: returns the score that speaks neither for a thing nor against it now; see `ConfirmedTracks`.
     """
 
     def __init__(self, kind: Kind, neutral: Callable[[], float] = lambda: NEUTRAL) -> None:
-        settings = {**YAML.load(ROOT / "cfg" / "trackers" / f"{kind}.yaml"), **OURS[kind]}
-        self._tracker = CLASSES[kind](IterableSimpleNamespace(**settings))
-        self._least_score = float(settings["new_track_thresh"])
-        self._motion = Motion() if kind == "botsort" else None
+        self._association = ASSOCIATIONS[kind]()
         self._neutral = neutral
         self._evidence = ConfirmedTracks(neutral())
         self._times_ns: deque[int] = deque(maxlen=MAX_FRAMES_LOST)
 
     def update(self, objects: Sequence[Detection], frame: ImageFrame) -> Sequence[int | None]:
         """See `Tracker.update`."""
-        self._take_neutral(self._neutral())
-        scores = np.array([(max(each.score, LEAST), each.label) for each in objects]).reshape(-1, 2)
-        rows = np.concatenate([boxes_of(objects), scores], axis=1).astype(np.float32)
-        boxes = Boxes(rows, (frame.height, frame.width))
-        self._tracker.max_frames_lost = self._frames_until(frame.header.received_ns)
-        flow = None
-        if self._motion is not None:
-            self._tracker.size = (frame.width, frame.height)
-            flow = self._motion.look(glance(frame, LOOKED_AT))
-        tracks = self._tracker.update(boxes, flow).reshape(-1, INDEX + 1)
+        self._evidence.neutral = self._neutral()
+        frames_lost = self._frames_until(frame.header.received_ns)
+        tracks = self._association.update(objects, frame, frames_lost, self._evidence.neutral)
         numbers: list[int | None] = [None] * len(objects)
-        earned = self._evidence.weigh((int(row[NUMBER]), float(row[SCORE])) for row in tracks)
-        for row, number in zip(tracks, earned, strict=True):
-            numbers[int(row[INDEX])] = number
+        earned = self._evidence.weigh((track, max(objects[index].score, LEAST)) for track, index in tracks)
+        for (_, index), number in zip(tracks, earned, strict=True):
+            numbers[index] = number
         return numbers
 
-    def _take_neutral(self, neutral: float) -> None:
-        """Have every object whose score speaks for it begin a track, also where a model's scores are all low."""
-        self._evidence.neutral = neutral
-        least = min(self._least_score, neutral)
-        self._tracker.args.track_high_thresh = self._tracker.args.new_track_thresh = least
-
     def _frames_until(self, now_ns: int) -> int:
-        """Return the maximum number of frames since an object was last seen for the next frame to find it again."""
+        """Return the number of frames, this one included, since LOST_NS ago."""
         self._times_ns.append(now_ns)
         while self._times_ns[0] < now_ns - LOST_NS:
             self._times_ns.popleft()
-        return len(self._times_ns) - 2
+        return len(self._times_ns)

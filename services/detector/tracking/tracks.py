@@ -1,4 +1,4 @@
-"""Objects followed from frame to frame of a camera, by Ultralytics' own trackers."""
+"""Objects followed from frame to frame of each camera."""
 
 import asyncio
 import logging

@@ -44,9 +44,9 @@ def textured(height: int, width: int) -> NDArray[np.uint8]:
 
 def tracker_in(model_folder: Path, kind: str = "botsort") -> Tracker:
     keep_offline(model_folder / "ultralytics", download=False)
-    from services.detector.tracking.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
+    from services.detector.tracking.trackers import CameraTracker  # noqa: PLC0415 - it must be offline by then
 
-    return UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack")
+    return CameraTracker("botsort" if kind == "botsort" else "bytetrack")
 
 
 @pytest.mark.parametrize("kind", ["bytetrack", "botsort"])
@@ -60,11 +60,11 @@ def test_a_steady_object_of_a_model_that_is_not_known_has_a_number_at_most_a_fra
     from ultralytics.trackers.byte_tracker import BYTETracker  # noqa: PLC0415 - as above
     from ultralytics.utils import ROOT, YAML, IterableSimpleNamespace  # noqa: PLC0415 - as above
 
-    from services.detector.tracking.trackers import UltralyticsTracker  # noqa: PLC0415 - as above
+    from services.detector.tracking.trackers import CameraTracker  # noqa: PLC0415 - as above
 
     args = IterableSimpleNamespace(**YAML.load(ROOT / "cfg" / "trackers" / f"{kind}.yaml"))
     theirs = BOTSORT(args) if kind == "botsort" else BYTETracker(args)
-    tracker = UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack", lambda: neutral_score(0.25))
+    tracker = CameraTracker("botsort" if kind == "botsort" else "bytetrack", lambda: neutral_score(0.25))
     picture = textured(240, 320)
 
     def numbers(first: int) -> tuple[list[int], list[int]]:
@@ -93,10 +93,10 @@ def test_an_object_that_is_reported_a_few_times_has_a_number_whatever_the_confid
     kind: str, sightings: int, confidence: float, score: float, model_folder: Path
 ) -> None:
     keep_offline(model_folder / "ultralytics", download=False)
-    from services.detector.tracking.trackers import UltralyticsTracker  # noqa: PLC0415 - it must be offline by then
+    from services.detector.tracking.trackers import CameraTracker  # noqa: PLC0415 - it must be offline by then
 
     chosen = [0.95]
-    tracker = UltralyticsTracker("botsort" if kind == "botsort" else "bytetrack", lambda: neutral_score(chosen[0]))
+    tracker = CameraTracker("botsort" if kind == "botsort" else "bytetrack", lambda: neutral_score(chosen[0]))
     picture = textured(240, 320)
     assert list(tracker.update([], frame_of(picture, seq=0))) == []
     chosen[0] = confidence
@@ -186,6 +186,11 @@ def test_what_is_lost_is_looked_for_for_so_long_at_whatever_rate(
     for step in range(2, 1 + frames):
         seen(step, None, 0.9)
     assert seen(1 + frames, 10, 0.9) == number
+
+
+def test_what_is_lost_among_a_camera_s_first_frames_is_found_again(model_folder: Path) -> None:
+    seen = follower(model_folder)
+    assert [seen(step, left, 0.9) for step, left in enumerate((10, None, None, None, 10))] == [1, None, None, None, 1]
 
 
 def test_who_comes_into_view_over_several_frames_keeps_its_number(model_folder: Path) -> None:
