@@ -1,6 +1,6 @@
 """The model registry: published weights, which of them are in force, and the pieces in which files travel."""
 
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 import msgspec
 
@@ -29,7 +29,8 @@ class PublishedModel(msgspec.Struct, frozen=True, kw_only=True):
     """Weights in the registry, known by their digest and by a name that no other model there has.
 
     size: bytes. by: the user and machine that published it, as they called themselves. about: what it detects, in
-    words. published_ns: nanoseconds since the epoch.
+    words. published_ns: nanoseconds since the epoch. form: how its file ends, of Ultralytics' weights or of an ONNX
+    file, which workers without torch run.
     """
 
     digest: Digest
@@ -38,6 +39,7 @@ class PublishedModel(msgspec.Struct, frozen=True, kw_only=True):
     by: Label = ""
     about: Label = ""
     published_ns: Nanoseconds = 0
+    form: Literal["pt", "onnx"] = "pt"
 
     @property
     def label(self) -> str:

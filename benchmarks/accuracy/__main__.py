@@ -47,7 +47,7 @@ from benchmarks.arguments import at_least_one, parser_of, show
 from benchmarks.machine import machine, versions
 from benchmarks.progress import note, note_step
 from services.detector.model import ModelError
-from services.detector.runtime.choosing import Runtime
+from services.detector.runtime.engine import Runtime
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.toolbox.train.inference import open_follower, open_weights
 from services.training.evaluation.predictor import LOWEST_CONFIDENCE

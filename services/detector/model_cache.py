@@ -19,6 +19,7 @@ log = logging.getLogger(__name__)
 
 LAST: Final = "last.json"
 PART: Final = ".part"
+SUFFIXES: Final = (".pt", ".onnx")
 UNUSED_S: Final = 24 * 3600
 """Age at which a file is no longer one that another worker of the machine fetches or loads."""
 
@@ -47,7 +48,7 @@ class ModelCache:
 
     def path(self, model: PublishedModel) -> Path:
         """Return where a model's file is; its name is what the model is called in results."""
-        return self.folder / f"{model.label}.pt"
+        return self.folder / f"{model.label}.{model.form}"
 
     def holds(self, model: PublishedModel) -> bool:
         """Whether the model's file is here and whole; a damaged one is removed. Reads the file."""
@@ -122,8 +123,8 @@ class ModelCache:
 
     def _remove_all_but(self, known: Collection[Path]) -> None:
         """Remove models that the registry no longer has, once no worker of the machine can be about to load them."""
-        for file in self.folder.glob("*@*.pt"):
-            if file not in known and _unused(file):
+        for file in self.folder.glob("*@*.*"):
+            if file.suffix in SUFFIXES and file not in known and _unused(file):
                 file.unlink(missing_ok=True)
 
 

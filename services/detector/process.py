@@ -31,7 +31,7 @@ from services.detector.regions import Regions
 from services.detector.requests import FINISH_S, Leaving, answering
 from services.detector.rollout import Rollout
 from services.detector.runtime.loading import SuccessiveLoading, load_all, tracking
-from services.detector.settings import SHIPPED_MODEL, DetectorSettings
+from services.detector.settings import SHIPPED_EXPORT, SHIPPED_MODEL, DetectorSettings
 from services.detector.tracking.tracks import Tracking
 from services.detector.tuning import deviations
 from services.detector.worker_role import DETECTOR, OPINION, WorkerRole
@@ -215,7 +215,7 @@ async def work(settings: DetectorSettings, model: Model) -> int:
 
 async def _follow_fleet(settings: DetectorSettings, folder: Path, executor: Executor) -> int:
     """Serve with the model that the registry has in force, also when it changes; wait for a first one."""
-    shipped = await asyncio.to_thread(digest_of, SHIPPED_MODEL)
+    shipped = await asyncio.to_thread(_digests, SHIPPED_MODEL, SHIPPED_EXPORT)
     loading = SuccessiveLoading(settings, folder)
     async with open_bus(settings) as bus, asyncio.TaskGroup() as group:
         cache = ModelCache(await asyncio.to_thread(usable_cache, settings.cache, folder))
@@ -224,7 +224,7 @@ async def _follow_fleet(settings: DetectorSettings, folder: Path, executor: Exec
         try:
             model = await rollout.first(DETECTOR.service, settings.worker)
             log.info("%s is ready; worker %s", model.name, settings.worker)
-            is_shipped = partial(_has_digest, model, shipped)
+            is_shipped = partial(_is_one_of, shipped, model)
             following = await asyncio.to_thread(tracking, settings, model, is_shipped)
             with _closing(following):
                 code = await _serve(bus, settings, model, following)
@@ -236,8 +236,12 @@ async def _follow_fleet(settings: DetectorSettings, folder: Path, executor: Exec
                 rollout.model.close()
 
 
-def _has_digest(model: FleetModel, digest: str) -> bool:
-    return model.in_force.digest == digest
+def _digests(*files: Path) -> frozenset[str]:
+    return frozenset(map(digest_of, files))
+
+
+def _is_one_of(digests: frozenset[str], model: FleetModel) -> bool:
+    return model.in_force.digest in digests
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import os
 from collections import Counter
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal, Self
 
@@ -24,10 +25,26 @@ FLEET: Final = "fleet"
 """Stands for the model that the monitor's registry has in force."""
 
 WEIGHTS_FOLDER = Path(__file__).parent / "weights"
-SHIPPED_MODEL = WEIGHTS_FOLDER / "warehouse-n-seg.pt"
+SHIPPED: Final = "warehouse-n-seg"
+"""Stands for the shipped model in the form that fits the machine: see `shipped_file`."""
+
+SHIPPED_MODEL = WEIGHTS_FOLDER / f"{SHIPPED}.pt"
+SHIPPED_EXPORT = WEIGHTS_FOLDER / f"{SHIPPED}.onnx"
+"""The same model, exported: a worker with it starts in seconds and takes a quarter of the memory."""
+
+GPU: Final = Path("/dev/nvidiactl")
+"""Is there where NVIDIA's driver is."""
 
 
-def _shipped(model: str) -> str:
+def shipped_file(device: str | None, runtime: str | None) -> Path:
+    """Return the file of the shipped model: the exported one on a processor, where something installed can run it."""
+    wants_torch = runtime in ("torch", "tensorrt") or (device or ("cuda" if GPU.exists() else "cpu")) != "cpu"
+    can_run = any(find_spec(each) is not None for each in ("onnxruntime", "openvino"))
+    has_torch = find_spec("torch") is not None
+    return SHIPPED_MODEL if has_torch and (wants_torch or not can_run) else SHIPPED_EXPORT
+
+
+def shipped_path(model: str) -> str:
     """Return the path of shipped weights that are given by their name alone; anything else as it is."""
     shipped = WEIGHTS_FOLDER / model
     return str(shipped) if model == shipped.name and not Path(model).exists() and shipped.is_file() else model
@@ -35,6 +52,8 @@ def _shipped(model: str) -> str:
 
 def check_is_file(option: str, weights: str) -> None:
     """Raise ValueError for weights that are not here, and are not to be downloaded. option: that names them."""
+    if Path(weights).is_dir() and any(Path(weights).glob("*.xml")):  # exported for OpenVINO
+        return
     if Path(weights).is_dir():
         raise ValueError(f"{option} {printable(weights)}: a folder")
     if weights == FLEET and not Path(weights).is_file():
@@ -151,6 +170,11 @@ class LookSettings(BaseModel):
         return given
 
     @property
+    def inference_threads(self) -> int:
+        """CPU threads for inference."""
+        return self.threads or len(os.sched_getaffinity(0))
+
+    @property
     def new_names(self) -> dict[str, str]:
         """The new names of the model's classes, by the old ones."""
         return {old.strip(): new.strip() for old, _, new in (text.rpartition("=") for text in self.class_names)}
@@ -167,12 +191,13 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
 
     model: Annotated[
         str,
-        AfterValidator(_shipped),
+        AfterValidator(shipped_path),
         Field(
-            description="Ultralytics weights: a path, the name of the shipped ones, warehouse-n-seg.pt, with --download"
-            " a published model's name; or fleet, for what `fleetsight model use` puts in force"
+            description="Ultralytics weights, or an exported model (an ONNX file or a folder of OpenVINO's), which"
+            " needs no torch: a path; warehouse-n-seg, the shipped one, of which .pt or .onnx may be asked for;"
+            " with --download a published model's name; or fleet, for what `fleetsight model use` puts in force"
         ),
-    ] = str(SHIPPED_MODEL)
+    ] = SHIPPED
     opinion: Annotated[
         bool,
         Field(
@@ -234,7 +259,13 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
     def is_shipped(self) -> bool:
         """Whether the objects are found by the shipped model."""
         file = Path(self.detection_model or self.model)
-        return file.is_file() and file.samefile(SHIPPED_MODEL)
+        return file.is_file() and any(file.samefile(each) for each in (SHIPPED_MODEL, SHIPPED_EXPORT))
+
+    @model_validator(mode="after")
+    def _shipped_in_one_form(self) -> Self:
+        if self.model == SHIPPED and not Path(SHIPPED).exists():
+            self.model = str(shipped_file(self.device, self.runtime))
+        return self
 
     @model_validator(mode="after")
     def _model_is_here(self) -> Self:

@@ -7,7 +7,7 @@ from typing import Final
 
 import msgspec
 
-from schemas.models import ModelRegistry
+from schemas.models import ModelRegistry, PublishedModel
 from services.whole_file import write_whole
 
 log = logging.getLogger(__name__)
@@ -58,9 +58,9 @@ class ModelFolder:
         """Let another process serve it."""
         self._lock.close()
 
-    def file(self, digest: str) -> Path:
+    def file(self, model: PublishedModel) -> Path:
         """Return where a model's file is."""
-        return self.path / f"{digest}.pt"
+        return self.path / f"{model.digest}.{model.form}"
 
     def load(self) -> ModelRegistry:
         """Return the state; an empty one where there is none or it is damaged, which is then put aside.

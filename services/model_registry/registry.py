@@ -76,7 +76,7 @@ class Registry:
     def why_damaged(self, model: PublishedModel) -> str:
         """Return why a model's file is not the one that was published, or empty. Reads all of it. For any thread."""
         try:
-            return self._lacks(model) or ("" if digest_of(self._folder.file(model.digest)) == model.digest else DAMAGED)
+            return self._lacks(model) or ("" if digest_of(self._folder.file(model)) == model.digest else DAMAGED)
         except OSError as error:
             return f"cannot be read ({error.strerror})"
 
@@ -95,7 +95,7 @@ class Registry:
         was = ", which was in force," if digest == state.in_force else ""
         self._withdrawn = {
             **self._withdrawn,
-            digest: f"{model.label}{was} is withdrawn: {self._folder.file(digest)} {why}; publish it again"
+            digest: f"{model.label}{was} is withdrawn: {self._folder.file(model)} {why}; publish it again"
             + (" and put it in force" if was else ""),
         }
         log.error("%s", self._withdrawn[digest])
@@ -138,7 +138,7 @@ class Registry:
         if not size:
             raise RegistryError(f"{model.name} has {pieces_of(model.size)} pieces, and none with index {asked.index}")
         try:
-            with self._folder.file(model.digest).open("rb") as file:
+            with self._folder.file(model).open("rb") as file:
                 file.seek(asked.index * PIECE_BYTES)
                 data = file.read(size)
         except OSError as error:
@@ -173,7 +173,7 @@ class Registry:
 
     def _lacks(self, model: PublishedModel) -> str:
         """Return why a file cannot be the model's without reading it, or empty. Raises OSError."""
-        file = self._folder.file(model.digest)
+        file = self._folder.file(model)
         if not file.is_file():
             return "is gone"
         size = file.stat().st_size
@@ -204,7 +204,7 @@ class Registry:
         if digest_of(upload.file) != model.digest:
             self._uploads.drop(model.digest)
             raise RegistryError(f"{model.name}: what arrived has another digest than the file: publish it again")
-        kept = self._folder.file(model.digest)
+        kept = self._folder.file(model)
         upload.file.replace(kept)
         self._uploads.drop(model.digest)
         models = [*self.state.models, model]
@@ -218,7 +218,7 @@ class Registry:
             raise
         self._withdrawn = {digest: lost for digest, lost in self._withdrawn.items() if digest != model.digest}
         if left_out is not None:
-            self._folder.file(left_out.digest).unlink(missing_ok=True)
+            self._folder.file(left_out).unlink(missing_ok=True)
             log.info("%s, the oldest that is not in use, is removed: %d models are kept", left_out.label, MAX_MODELS)
         log.info("%s is published by %s: %s", model.label, model.by, model.about)
 

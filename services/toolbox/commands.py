@@ -213,6 +213,7 @@ COMMANDS: Final = (
         finite=True,
         examples=(
             "fleetsight model publish best.pt --name site-2",
+            "fleetsight model export best.pt --output best.onnx",
             "fleetsight model list",
             "fleetsight model use site-2 --robots r1,r2",
             "fleetsight model use site-2",

@@ -12,7 +12,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
-MAX_BYTES = 120_000_000
+MAX_BYTES = 125_000_000
 COMPILED = ".pyc"
 UNIT = ROOT / "deploy" / "fleetsight-gateway.service"
 

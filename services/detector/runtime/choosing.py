@@ -5,22 +5,20 @@ import logging
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.detector.model import ModelError
-from services.detector.runtime.engine import Engine
+from services.detector.runtime.engine import Engine, Runtime
 from services.detector.runtime.exporting import MAKING, installed
 
 log = logging.getLogger(__name__)
-
-Runtime = Literal["torch", "onnx", "openvino", "tensorrt"]
 
 NEEDS: Final[Mapping[Runtime, tuple[str, ...]]] = {
     "torch": (),
@@ -28,6 +26,8 @@ NEEDS: Final[Mapping[Runtime, tuple[str, ...]]] = {
     "openvino": ("onnx", "openvino"),
     "tensorrt": ("onnx", "tensorrt"),
 }
+"""Packages that make a model of weights run, beside torch."""
+
 REMEDIES: Final[Mapping[Runtime, str]] = {
     "onnx": "see fleetsight's extra [onnx]",
     "openvino": "see fleetsight's extra [openvino]",
@@ -48,6 +48,7 @@ class RuntimeTarget:
     """Where a model runs. digest: of its weights; longest: longer side of its input in pixels.
 
     spare: where what is made goes if the cache cannot be written. gpu: what kind the device is, empty if it is none.
+    candidates: the runtimes that are installed.
     """
 
     digest: str
@@ -57,6 +58,7 @@ class RuntimeTarget:
     cache: Path
     spare: Path
     gpu: str = ""
+    candidates: tuple[Runtime, ...] = ()
 
 
 def check_installed(runtime: Runtime) -> None:
@@ -75,7 +77,7 @@ def choose(make: Callable[[Runtime], Engine], place: RuntimeTarget, blank: NDArr
     Raises:
         ModelError: none of them works.
     """
-    candidates = [each for each in FOR_DEVICE.get(place.device, ("torch",)) if not _missing(each)]
+    candidates = place.candidates
     memory = _memory(place, candidates)
     known = _recall(memory)
     engines = dict(_made(make, [known])) if known in candidates else {}
@@ -108,11 +110,16 @@ def measure(engines: Mapping[Runtime, Engine], blank: NDArray[np.uint8]) -> dict
     return best
 
 
+def for_weights(device: str) -> tuple[Runtime, ...]:
+    """Return the installed runtimes for weights on a type of device."""
+    return tuple(each for each in FOR_DEVICE.get(device, ("torch",)) if not _missing(each))
+
+
 def _missing(runtime: Runtime) -> list[str]:
     return [package for package in NEEDS[runtime] if find_spec(package) is None]
 
 
-def _made(make: Callable[[Runtime], Engine], candidates: list[Runtime]) -> list[tuple[Runtime, Engine]]:
+def _made(make: Callable[[Runtime], Engine], candidates: Iterable[Runtime]) -> list[tuple[Runtime, Engine]]:
     made: list[tuple[Runtime, Engine]] = []
     for each in candidates:
         try:
@@ -122,7 +129,7 @@ def _made(make: Callable[[Runtime], Engine], candidates: list[Runtime]) -> list[
     return made
 
 
-def _memory(place: RuntimeTarget, candidates: list[Runtime]) -> Path:
+def _memory(place: RuntimeTarget, candidates: Iterable[Runtime]) -> Path:
     """Return the file that keeps the choice; it depends on the machine, device, GPU and versions."""
     packages = {"torch", "ultralytics"}.union(*(NEEDS[each] for each in candidates))
     here = [place.device, place.gpu, place.threads, platform.node()]
@@ -142,6 +149,7 @@ def _recall(memory: Path) -> Runtime | None:
 
 def _remember(memory: Path, runtime: Runtime) -> None:
     try:
+        memory.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=MAKING, dir=memory.parent) as folder:
             made = Path(folder) / memory.name
             made.write_text(runtime, encoding="ascii")

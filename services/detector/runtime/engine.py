@@ -1,11 +1,15 @@
 """The interface of an inference engine, independent of its library."""
 
-from typing import Final, Protocol
+from dataclasses import dataclass
+from typing import Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.detector.runtime.postprocess import Output
+from services.detector.runtime.refinement.refiner import Refiner
+
+Runtime = Literal["torch", "onnx", "openvino", "tensorrt"]
 
 BATCH_ON_GPU: Final = 8
 """Images of different cameras that one call computes together where that costs little more than one."""
@@ -29,3 +33,17 @@ class Engine(Protocol):
 def outputs(predictions: NDArray[np.float32], prototypes: NDArray[np.float32] | None) -> list[Output]:
     """Split a batch's arrays into those of each image."""
     return [Output(each, None if prototypes is None else prototypes[n]) for n, each in enumerate(predictions)]
+
+
+@dataclass(frozen=True, slots=True)
+class RunningModel:
+    """A model under a runtime. reference: what its results are checked against once. refiner: of its masks.
+
+    many: whether it computes many images in little more time than one.
+    """
+
+    runtime: Runtime
+    engine: Engine
+    reference: Engine | None
+    refiner: Refiner | None
+    many: bool = False

@@ -37,11 +37,27 @@ class Letterbox:
     columns: Axis
 
     @classmethod
-    def fit(cls, height: int, width: int, longest: int, stride: int, *, stretched: bool = False) -> "Letterbox":
+    def fit(
+        cls,
+        height: int,
+        width: int,
+        longest: int,
+        stride: int,
+        *,
+        stretched: bool = False,
+        fixed: tuple[int, int] | None = None,
+    ) -> "Letterbox":
         """Scale an image's longer side to `longest` and pad it to the smallest input, as Ultralytics' `rect` does.
 
         All in pixels; the input's sides are multiples of `stride`. stretched: both sides to `longest`, as RT-DETR's.
+        fixed: height and width of the only input that the model takes, which is padded to instead.
         """
+        if fixed is not None:
+            sides = zip((height, width), fixed, strict=True)
+            scale = min(side / size for size, side in sides)
+            size = fixed if stretched else (round(height * scale), round(width * scale))
+            rows, columns = (_placed(*each) for each in zip((height, width), size, fixed, strict=True))
+            return cls(rows, columns)
         if stretched:
             side = longest + -longest % stride
             return cls(Axis(height, side, 0, side), Axis(width, side, 0, side))
@@ -68,5 +84,10 @@ class Letterbox:
 
 def _axis(size: int, scale: float, stride: int) -> Axis:
     content = max(round(size * scale), 1)
-    padding = -content % stride
-    return Axis(size, content, round(padding / 2 - 0.1), content + padding)
+    return _placed(size, content, content + -content % stride)
+
+
+def _placed(size: int, content: int, side: int) -> Axis:
+    """Return the axis of an image of this size in the middle of an input's side."""
+    content = max(content, 1)
+    return Axis(size, content, round((side - content) / 2 - 0.1), side)

@@ -7,8 +7,8 @@ from typing import NoReturn
 from urllib.request import urlopen
 
 
-def keep_offline(folder: Path, *, download: bool) -> None:
-    """Set the environment variables that they read on their first import, and keep torch from opening addresses.
+def set_environment(folder: Path, *, download: bool) -> None:
+    """Set the environment variables that they read on their first import.
 
     folder: where Ultralytics keeps its settings, so that they are nobody's but ours. download: weights alone may be
     fetched.
@@ -19,6 +19,11 @@ def keep_offline(folder: Path, *, download: bool) -> None:
     os.environ["YOLO_VERBOSE"] = "false"
     os.environ["YOLO_CONFIG_DIR"] = str(folder)
     os.environ["ULTRALYTICS_SAFE_LOAD"] = "true"  # weights are data: nothing in them is executed
+
+
+def keep_offline(folder: Path, *, download: bool) -> None:
+    """Set the environment variables, see `set_environment`, and keep torch from opening addresses. Takes seconds."""
+    set_environment(folder, download=download)
     from torch import hub  # noqa: PLC0415
     from ultralytics.nn import tasks  # noqa: PLC0415
     from ultralytics.utils import LOGGER, SETTINGS  # noqa: PLC0415

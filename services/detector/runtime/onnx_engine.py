@@ -15,6 +15,9 @@ from services.detector.runtime.postprocess import Output
 _CPU: Final = "CPUExecutionProvider"
 _CUDA: Final = "CUDAExecutionProvider"
 ERRORS_ONLY: Final = 3
+HALF: Final = "tensor(float16)"
+"""The type of the input of a model that was exported in half precision."""
+
 Provider = str | tuple[str, dict[str, str]]
 NO_MEMORY: Final = (
     "failed to allocate memory",
@@ -46,22 +49,31 @@ def providers(gpu: int | None, able: Sequence[str]) -> list[Provider]:
     return [(_CUDA, {"device_id": str(gpu)}), _CPU]
 
 
+def has_gpu() -> bool:
+    """Whether the installed ONNX Runtime can use NVIDIA's GPUs."""
+    return _CUDA in onnxruntime.get_available_providers()
+
+
 class OnnxEngine:
     """Runs an ONNX file on the CPU, or on a GPU where the installed ONNX Runtime can; see `providers`."""
 
     def __init__(self, path: Path, threads: int, *, gpu: int | None) -> None:
         able = onnxruntime.get_available_providers()
         self._session = onnxruntime.InferenceSession(path, session_options(threads), providers=providers(gpu, able))
-        self._input = self._session.get_inputs()[0].name
+        first = self._session.get_inputs()[0]
+        self._input = first.name
+        self._half = first.type == HALF
 
     def run(self, images: NDArray[np.uint8]) -> list[Output]:
         """See `Engine.run`."""
         batch = images.transpose(0, 3, 1, 2).astype(np.float32, order="C")
         batch /= 255
+        given = batch.astype(np.float16) if self._half else batch
         try:
-            predictions, *prototypes = self._session.run(None, {self._input: batch})
+            predictions, *prototypes = self._session.run(None, {self._input: given})
         except Exception as error:
             if is_out_of_memory(error):
                 raise OutOfMemoryError(first_line(error)) from error
             raise
+        predictions, *prototypes = (np.asarray(each, np.float32) for each in (predictions, *prototypes))
         return outputs(predictions, prototypes[0] if prototypes else None)

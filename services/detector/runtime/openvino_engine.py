@@ -26,8 +26,14 @@ def hints(threads: int) -> dict[str, Any]:
     }
 
 
+def input_shape(path: Path) -> tuple[int | None, ...]:
+    """Return the shape of a model's only input; None for sides of any length."""
+    (given,) = openvino.Core().read_model(path).inputs
+    return tuple(None if side.is_dynamic else side.get_length() for side in given.partial_shape)
+
+
 class OpenVinoEngine:
-    """Runs an ONNX file on the CPU, in the precision that OpenVINO finds fastest there."""
+    """Runs an ONNX or .xml file on the CPU, in the precision that OpenVINO finds fastest there."""
 
     def __init__(self, path: Path, threads: int) -> None:
         # OpenVINO gives the thread that makes a model another stack for signals, and unmaps it with the model: where
@@ -38,7 +44,7 @@ class OpenVinoEngine:
     def run(self, images: NDArray[np.uint8]) -> list[Output]:
         """See `Engine.run`."""
         found = self._request.infer([images], share_inputs=True)
-        predictions, *prototypes = (found[index] for index in range(len(found)))
+        predictions, *prototypes = (np.asarray(found[index], np.float32) for index in range(len(found)))
         return outputs(predictions, prototypes[0] if prototypes else None)
 
 
@@ -47,5 +53,5 @@ def _request(path: Path, threads: int) -> openvino.InferRequest:
     pixels = openvino.preprocess.PrePostProcessor(core.read_model(path))
     pixels.input().tensor().set_element_type(openvino.Type.u8).set_layout(openvino.Layout("NHWC"))
     pixels.input().model().set_layout(openvino.Layout("NCHW"))
-    pixels.input().preprocess().convert_element_type(openvino.Type.f32).scale(255.0)
+    pixels.input().preprocess().convert_element_type(openvino.Type.f32).scale(255.0).convert_element_type()
     return core.compile_model(pixels.build(), DEVICE, hints(threads)).create_infer_request()

@@ -50,7 +50,7 @@ log = logging.getLogger(__name__)
 class Facts:
     """Facts about a model. names: of its classes, by label. longest: longer side of its input in pixels.
 
-    head: how objects are read off its output.
+    head: how objects are read off its output. fixed: height and width of the only input that it takes, if so.
     """
 
     name: str
@@ -60,10 +60,12 @@ class Facts:
     longest: int
     stride: int
     head: Head = "nms"
+    fixed: tuple[int, int] | None = None
 
     def letterbox(self, height: int, width: int) -> Letterbox:
         """Return how an image of this size is fitted into the model's input."""
-        return Letterbox.fit(height, width, self.longest, self.stride, stretched=self.head == "rt-detr")
+        stretched = self.head == "rt-detr"
+        return Letterbox.fit(height, width, self.longest, self.stride, stretched=stretched, fixed=self.fixed)
 
 
 @dataclass(frozen=True, slots=True)

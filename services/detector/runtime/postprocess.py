@@ -32,6 +32,8 @@ Head = Literal["nms", "nms-free", "rt-detr"]
 """How objects are read off an output. nms: overlapping boxes are taken for one object. nms-free: each box is one, and
 has every class that is sure enough. rt-detr: boxes are shares of a stretched image, and each is one object."""
 
+HEADS: Final[tuple[Head, ...]] = ("nms", "nms-free", "rt-detr")
+
 MOSTLY: Final = 0.5
 """The share of a mask that surer objects of its class may cover at most: masks of things that there are do not overlap,
 whatever their boxes do, and what shows no more of its own is one of them again, or a part of it."""

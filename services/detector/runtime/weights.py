@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -14,42 +13,33 @@ from ultralytics.utils.torch_utils import select_device
 
 from services.detector.model import ModelError, first_line
 from services.detector.runtime.checkpoint import DOWNLOADS, CheckpointError, read_checkpoint
+from services.detector.runtime.model_file import (
+    COLOURS,
+    EXPORTS,
+    SEGMENT,
+    TASKS,
+    WEIGHTS_SUFFIX,
+    ModelFile,
+    NamesError,
+    class_names,
+)
 from services.detector.runtime.nms_branches import HeadError, head_of
-from services.detector.runtime.postprocess import Head
 from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.torch_refiner import network_in
 
-SEGMENT: Final = "segment"
-TASKS: Final = (SEGMENT, "detect")
-SUFFIX: Final = ".pt"
 NEEDED: Final = "torch 2.6 and Ultralytics 8.4.175"
 """What the extra [detector] asks for; Ultralytics before 8.4.68 does not read weights as data alone."""
 DEFAULT_SIDE: Final = 640
 """What Ultralytics trains at unless told otherwise."""
 NAMES_CURE: Final = "give its model one name for each class, numbered from 0, and save it again"
-COLOURS: Final = 3
-"""Channels of a camera's image."""
 
 
-@dataclass(frozen=True, slots=True)
-class Weights:
-    """A loaded checkpoint.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weights(ModelFile):
+    """A loaded checkpoint. refiner: of its masks, if the file has one and it is wanted."""
 
-    digest: of the file's content. longest: the input's longer side in training, in pixels. refiner: of its masks, if
-    the file has one and it is wanted. head: how objects are read off the output. agnostic: whether the model's own
-    default is to suppress overlapping boxes whatever their classes, as of YOLOE.
-    """
-
-    path: Path
-    digest: str
     model: Any
-    names: Mapping[int, str]
-    segments: bool
-    longest: int
-    stride: int
     refiner: RefinerNetwork | None
-    head: Head = "nms"
-    agnostic: bool = False
 
 
 def load_weights(
@@ -66,8 +56,8 @@ def load_weights(
     what = f"{option} {model}"
     if not getattr(getattr(tasks, "_SafeLoad", None), "SUPPORTED", False):
         raise ModelError(f"{what}: what is in it would be executed: {NEEDED} or later are needed")
-    if Path(model).suffix.lower() != SUFFIX:
-        raise ModelError(f"{what}: Ultralytics weights end in {SUFFIX}; --runtime makes the rest of them")
+    if Path(model).suffix.lower() != WEIGHTS_SUFFIX:
+        raise ModelError(f"{what}: neither Ultralytics weights, which end in {WEIGHTS_SUFFIX}, nor {EXPORTS}")
     try:
         path = Path(model)
         if download and not path.is_file():
@@ -80,12 +70,12 @@ def load_weights(
         names = module.names = _names(module)
         masks = getattr(module.model[-1], "nm", None)  # what Ultralytics calls the number of its prototypes
         return Weights(
-            path,
-            hashlib.sha256(path.read_bytes()).hexdigest(),
-            module,
-            names,
-            module.task == SEGMENT,
-            _longest(content),
+            path=path,
+            digest=hashlib.sha256(path.read_bytes()).hexdigest(),
+            model=module,
+            names=names,
+            segments=module.task == SEGMENT,
+            longest=_longest(content),
             stride=max(32, int(module.stride.max())),
             refiner=network_in(content, len(names), masks) if refine and masks is not None else None,
             head=head,
@@ -110,37 +100,19 @@ def _check(module: Any, what: str) -> None:
 
 
 def _names(module: Any) -> dict[int, str]:
-    """Return the names of a model's classes, by label; renamed classes are often a list.
+    """Return the names of a model's classes, by label.
 
     Raises:
         CheckpointError: they are not one for each class.
     """
     classes = module.model[-1].nc
     given = getattr(module, "names", None)
-    if given is not None and not isinstance(given, Mapping | list | tuple):
-        raise CheckpointError(f"its names are a {type(given).__name__}, neither a list nor a dictionary: {NAMES_CURE}")
-    given = given or [f"class{label}" for label in range(classes)]
-    named = given if isinstance(given, Mapping) else dict(enumerate(given))
-    names = {_label(key): _sendable(str(name)) for key, name in named.items()}
-    if len(named) != classes:
-        raise CheckpointError(f"{len(named)} names for {classes} classes: {NAMES_CURE}")
-    if names.keys() != set(range(classes)):
-        raise CheckpointError(f"names of other classes: {NAMES_CURE}")
-    if unnamed := [label for label, name in names.items() if not name.strip()]:
-        raise CheckpointError(f"class {unnamed[0]} has an empty name: {NAMES_CURE}")
-    return {int(label): name for label, name in names.items()}
-
-
-def _label(key: Any) -> Any:
-    """Return the whole number that a key stands for, such as 0.0 or "0"; another key as it is."""
-    with suppress(ValueError):
-        return int(float(key)) if isinstance(key, str | int | float) and float(key).is_integer() else key
-    return key
-
-
-def _sendable(name: str) -> str:
-    """Return a name with lone surrogates escaped, which messages cannot carry."""
-    return name.encode("utf-8", "backslashreplace").decode()
+    if given is None or (isinstance(given, Mapping | list | tuple) and not given):
+        given = [f"class{label}" for label in range(classes)]
+    try:
+        return class_names(given, classes)
+    except NamesError as error:
+        raise CheckpointError(f"{error}: {NAMES_CURE}") from error
 
 
 def _longest(content: Mapping[str, Any]) -> int:

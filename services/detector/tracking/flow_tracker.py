@@ -105,16 +105,17 @@ class FlowTracker:
         seen = [*still, *begun, *again]
         doubles = ious(_boxes(seen), _boxes(lost)) > SAME
         longer = np.greater.outer([each.length for each in seen], [each.length for each in lost])
-        self._seen = _without(seen, (doubles & ~longer).any(axis=1))
-        self._lost = _without(lost, (doubles & longer).any(axis=0))
+        self._seen = _without(seen, doubles & ~longer)
+        self._lost = _without(lost, (doubles & longer).T)
 
 
 def _boxes(tracks: Iterable[_Track]) -> Floats:
     return np.array([each.box for each in tracks], np.float64).reshape(-1, 4)
 
 
-def _without(tracks: Iterable[_Track], out: NDArray[np.bool_]) -> list[_Track]:
-    return [each for each, is_out in zip(tracks, out.tolist(), strict=True) if not is_out]
+def _without(tracks: Iterable[_Track], doubles: NDArray[np.bool_]) -> list[_Track]:
+    """Return the tracks that are the double of no other one. doubles: tracks x others."""
+    return [each for each, others in zip(tracks, doubles, strict=True) if not others.any()]
 
 
 def _assigned(costs: Floats, most: float) -> list[tuple[int, int]]:

@@ -69,6 +69,8 @@ async def _run(settings: DemoSettings, folder: Path) -> int:
 
 def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str, Sequence[str]]:
     """Return each process's command line by name; the robots' ROS masters use `master_port` and the ports after it."""
+    # Weights under torch at once: whatever is quicker is exported first, which takes longer than most demos.
+    weights = settings.model is not None and settings.model.endswith(".pt")
     model = ["--model", settings.model] if settings.model else []
     simulator = [
         *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--summary"),
@@ -82,8 +84,7 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
         ]
         for port, robot in enumerate(_robots(settings), master_port)
     }
-    # Under torch at once: whatever is quicker is exported first, which takes longer than most demos.
-    detector = ["detector", "--connect", endpoint, "--runtime", "torch", *model]
+    detector = ["detector", "--connect", endpoint, "--runtime", "torch" if weights else "onnx", *model]
     measuring = {service: [service, "--connect", endpoint] for service in ("distance", "cloud", "worldmodel")}
     return {"simulator": simulator, **gateways, **measuring, "detector": detector}
 

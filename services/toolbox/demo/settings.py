@@ -15,7 +15,7 @@ class DemoSettings(BaseModel):
     robots: Annotated[int, Field(ge=1, le=20, description="simulated robots, each with its own ROS master")] = 3
     hz: Annotated[float, Field(ge=0.001, le=60, description="images per second and robot")] = 2.0
     seconds: Annotated[float | None, Field(gt=0, description="stop after this many seconds")] = None
-    model: Annotated[str | None, Field(description="Ultralytics weights; by default the shipped model")] = None
+    model: Annotated[str | None, Field(description="weights or an ONNX file; by default the shipped model")] = None
 
     @model_validator(mode="after")
     def _model_is_here(self) -> Self:

@@ -7,7 +7,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from bus.settings import BusSettings
 from schemas.printing import printable
-from services.detector.settings import SHIPPED_MODEL, DetectorSettings, LookSettings, Runtime, check_is_file
+from services.detector.settings import DetectorSettings, LookSettings, Runtime, check_is_file, shipped_file
 from services.option_names import given_as_options
 
 SUFFIXES: Final = ("", ".jpg", ".jpeg")
@@ -42,15 +42,19 @@ class DetectSettings(LookSettings, BusSettings):
     json_: Annotated[bool, Field(alias="json", description="print one JSON object instead of a table")] = False
     local: Annotated[bool, Field(description="run the model here, without a fleet")] = False
     model: Annotated[
-        str | None, Field(description="Ultralytics weights for --local; the shipped ones unless given")
+        str | None, Field(description="weights or an exported model for --local; the shipped one unless given")
     ] = None
     detection_model: Annotated[
         str | None, Field(description="second model for --local, for boxes; its objects get the masks of --model")
     ] = None
     download: Annotated[bool, Field(description="let Ultralytics download missing weights for --local")] = False
-    runtime: Annotated[Runtime, Field(description="what computes with --local; all but torch export the model")] = (
-        "torch"
-    )
+    runtime: Annotated[
+        Runtime | None,
+        Field(
+            description="what computes with --local; by default torch for weights, which it need not export, and auto"
+            " for exported models"
+        ),
+    ] = None
     timeout_s: Annotated[float, Field(gt=0, le=60, description="seconds to wait for a worker and its answer")] = 10.0
 
     @model_validator(mode="after")
@@ -84,11 +88,13 @@ class DetectSettings(LookSettings, BusSettings):
     def of_model(self) -> DetectorSettings:
         """The settings of the model that runs here."""
         chosen = {name: getattr(self, name) for name in LookSettings.model_fields}
+        weights = [each for each in (self.model, self.detection_model) if each is not None and each.endswith(".pt")]
+        runtime = self.runtime or ("torch" if weights else "auto")
         return DetectorSettings(
-            model=self.model or str(SHIPPED_MODEL),
+            model=self.model or str(shipped_file(self.device, runtime)),
             detection_model=self.detection_model,
             download=self.download,
-            runtime=self.runtime,
+            runtime=runtime,
             **chosen,
         )
 

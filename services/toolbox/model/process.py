@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from bus import Bus, NotServedError, RefusedError, RequestError, RequestTimeoutError, open_bus
 from schemas.errors import SchemaError
@@ -16,8 +16,13 @@ from schemas.header import MAX_LABEL
 from schemas.models import MAX_MODEL_BYTES, SHORT_DIGEST, ModelRegistry, ModelUse, PublishedModel
 from schemas.printing import printable
 from services.model_registry.client import ask_registry, publish_model, use_model
+from services.model_registry.registry import digest_of
 from services.toolbox.model.listing import absent_robots, as_json, as_table, worker_statuses
 from services.toolbox.model.settings import ModelSettings
+from services.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from services.detector.runtime.model_file import ModelFile
 
 FAILED: Final = 1
 MIN_PREFIX: Final = 4
@@ -60,7 +65,7 @@ def _print(line: str) -> None:
 
 
 async def _publish(settings: ModelSettings) -> None:
-    file = Path(settings.target)
+    file = settings.file
     model = await asyncio.to_thread(_described, file, settings.published_name)
     async with open_bus(settings) as bus:
         known = await ask_registry(bus, settings.timeout_s)
@@ -82,20 +87,49 @@ def _described(file: Path, name: str) -> PublishedModel:
     size = file.stat().st_size
     if size > MAX_MODEL_BYTES:
         raise _ModelCommandError(f"{file} has {size} bytes: the registry takes files of {MAX_MODEL_BYTES} at most")
-    from services.detector.model import ModelError  # noqa: PLC0415 - only publishing needs the extra
-    from services.detector.runtime.offline import keep_offline  # noqa: PLC0415 - only publishing needs the extra
+    weights = _read(file, "publish")
+    from services.detector.runtime.model_file import is_exported  # noqa: PLC0415 - publishing needs the extra
 
-    with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
-        keep_offline(Path(folder), download=False)
-        from services.detector.runtime.weights import load_weights  # noqa: PLC0415 - it is heavy
-
-        try:
-            weights = load_weights(str(file), "publish")
-        except ModelError as error:
-            raise _ModelCommandError(str(error)) from error
     names = list(dict.fromkeys(weights.names.values()))
     about = f"{'segmentation' if weights.segments else 'detection'} of {', '.join(names)}"[:MAX_LABEL]
-    return PublishedModel(digest=weights.digest, name=name, size=size, by=_myself(), about=about)
+    form: Literal["onnx", "pt"] = "onnx" if is_exported(str(file)) else "pt"
+    return PublishedModel(digest=digest_of(file), name=name, size=size, by=_myself(), about=about, form=form)
+
+
+def _read(file: Path, option: str, **options: Any) -> "ModelFile":
+    """Read a model's file; option: how to call it in messages. Takes seconds.
+
+    Raises:
+        _ModelCommandError: it is no model that detectors could use.
+    """
+    from services.detector.model import ModelError  # noqa: PLC0415 - these tasks alone need the extra
+    from services.detector.runtime.loading import read_model  # noqa: PLC0415 - as above
+
+    with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
+        try:
+            return read_model(str(file), Path(folder), option, **options)
+        except ModelError as error:
+            raise _ModelCommandError(str(error)) from error
+
+
+async def _export(settings: ModelSettings) -> None:
+    content = await asyncio.to_thread(_exported, settings)
+    await asyncio.to_thread(write_whole, settings.exported_file, content)
+    _print(f"exported: {settings.exported_file}, {len(content) / 1e6:.1f} MB; it runs without torch")
+
+
+def _exported(settings: ModelSettings) -> bytes:
+    from services.detector.model import ModelError  # noqa: PLC0415 - as above
+    from services.detector.runtime.portable import portable  # noqa: PLC0415 - as above
+    from services.detector.runtime.weights import Weights  # noqa: PLC0415 - as above
+
+    weights = _read(settings.file, "export", nms=settings.nms)
+    if not isinstance(weights, Weights):
+        raise _ModelCommandError(f"{settings.target} is exported already")
+    try:
+        return portable(weights, settings.image_size or weights.longest)
+    except ModelError as error:
+        raise _ModelCommandError(str(error)) from error
 
 
 def _myself() -> str:
@@ -158,7 +192,7 @@ def chosen(state: ModelRegistry, target: str) -> PublishedModel:
     Raises:
         _ModelCommandError: there is none, or there are several.
     """
-    name, _, letters = target.removesuffix(".pt").partition("@")
+    name, _, letters = target.removesuffix(".pt").removesuffix(".onnx").partition("@")
     found = [each for each in state.models if each.name == name and each.digest.startswith(letters)] if letters else []
     prefix = target.lower()
     found = found or [
@@ -183,6 +217,7 @@ async def _list(settings: ModelSettings) -> None:
 
 
 _TASKS: Final[Mapping[str, Callable[[ModelSettings], Awaitable[None]]]] = {
+    "export": _export,
     "publish": _publish,
     "list": _list,
     "use": _use,

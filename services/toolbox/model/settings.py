@@ -11,9 +11,17 @@ from schemas.errors import SchemaError
 from schemas.keys import check_name
 from schemas.models import MAX_CANARY_ROBOTS
 from schemas.printing import printable
+from services.detector.settings import LEAST_SIDE, MOST_SIDE, shipped_path
 from services.option_names import given_as_options
 
-OWN: Final = {"robots": "use", "name": "publish", "json_": "list"}
+OWN: Final = {
+    "robots": "use",
+    "name": "publish",
+    "json_": "list",
+    "output": "export",
+    "image_size": "export",
+    "nms": "export",
+}
 """The task of each option that only one has."""
 
 
@@ -29,15 +37,16 @@ def _name(text: str) -> str:
 class ModelSettings(BusSettings):
     """Roll out a model to all detectors with `--model fleet`, through the registry of `fleetsight monitor --models`.
 
+    export makes an ONNX file of weights, with their refiner, that detectors without torch run; it asks no registry.
     publish sends a file of weights to the registry. use puts a published model in force for the whole fleet; with
     --robots it is a canary: only the cameras of those robots are looked at with it. back ends a canary, or else puts
     the model in force that was before, once. list shows the models, and which workers run which. Exit code 1 and one
     line say why nothing was done.
     """
 
-    task: Annotated[Literal["publish", "list", "use", "back"], Field(description="what to do")]
+    task: Annotated[Literal["export", "publish", "list", "use", "back"], Field(description="what to do")]
     target: Annotated[
-        str, Field(description="publish: the file; use: a model's name, or the beginning of its digest")
+        str, Field(description="export, publish: the file; use: a model's name, or the beginning of its digest")
     ] = ""
     name: Annotated[
         str, AfterValidator(_name), Field(description="name of the published model; by default that of the file")
@@ -46,6 +55,16 @@ class ModelSettings(BusSettings):
         list[RobotName],
         Field(max_length=MAX_CANARY_ROBOTS, description="robots of a canary; by default the model is for all"),
     ] = []
+    output: Annotated[
+        Path | None, Field(description="file to export to; by default that of the weights, with the suffix .onnx")
+    ] = None
+    image_size: Annotated[
+        int | None,
+        Field(ge=LEAST_SIDE, le=MOST_SIDE, description="longer side of the exported input; by default as trained"),
+    ] = None
+    nms: Annotated[bool | None, Field(description="export the head with or without NMS; see `fleetsight detector`")] = (
+        None
+    )
     json_: Annotated[bool, Field(alias="json", description="list as one JSON object")] = False
     timeout_s: Annotated[float, Field(gt=0, le=60, description="seconds to wait for the monitor's answer")] = 10.0
 
@@ -54,26 +73,37 @@ class ModelSettings(BusSettings):
         for option, task in OWN.items():
             if self.task != task and option in given_as_options(self, info):
                 raise ValueError(f"{self.task} takes no --{option.strip('_')}; only {task} does")
-        if (self.task in {"publish", "use"}) != bool(self.target):
+        if (self.task in {"export", "publish", "use"}) != bool(self.target):
             wanted = {
+                "export": "a file: fleetsight model export best.pt",
                 "publish": "a file: fleetsight model publish best.pt",
                 "use": "a model: fleetsight model use NAME",
             }
             raise ValueError(
                 f"{self.task} needs {wanted[self.task]}" if not self.target else f"{self.task} takes no name"
             )
+        if self.task in {"export", "publish"} and not self.file.is_file():
+            file = printable(self.target)
+            raise ValueError(f"{file}: {'a folder' if Path(self.target).is_dir() else 'no such file'}")
         if self.task == "publish":
-            self._check_file()
+            self._check_name()
         return self
 
-    def _check_file(self) -> None:
-        file = printable(self.target)
-        if not Path(self.target).is_file():
-            raise ValueError(f"{file}: {'a folder' if Path(self.target).is_dir() else 'no such file'}")
+    def _check_name(self) -> None:
         try:
             _name(self.published_name)
         except ValueError as error:
             raise ValueError(f"{error}; --name gives the model another one than its file has") from error
+
+    @property
+    def file(self) -> Path:
+        """The file to export or publish."""
+        return Path(shipped_path(self.target))
+
+    @property
+    def exported_file(self) -> Path:
+        """Where the exported model goes."""
+        return self.output or Path(self.target).with_suffix(".onnx")
 
     @property
     def published_name(self) -> str:

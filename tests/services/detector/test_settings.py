@@ -1,14 +1,41 @@
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
-from services.detector.settings import SHIPPED_MODEL, DetectorSettings, default_cache
+from services.detector import settings
+from services.detector.settings import SHIPPED_EXPORT, SHIPPED_MODEL, DetectorSettings, default_cache
 
 
-def test_the_shipped_model_is_there() -> None:
+@pytest.mark.parametrize(
+    ("fields", "file"),
+    [
+        ({}, SHIPPED_EXPORT),
+        ({"device": "cpu", "runtime": "openvino"}, SHIPPED_EXPORT),
+        ({"runtime": "torch"}, SHIPPED_MODEL),
+        ({"device": "cuda:0"}, SHIPPED_MODEL),
+        ({"device": "0"}, SHIPPED_MODEL),
+        ({"model": "warehouse-n-seg.pt"}, SHIPPED_MODEL),
+        ({"model": "warehouse-n-seg.onnx", "device": "cuda:0"}, SHIPPED_EXPORT),
+    ],
+)
+def test_the_shipped_model_is_there_in_the_form_that_the_device_takes(
+    fields: dict[str, Any], file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(settings, "GPU", tmp_path / "no driver")
+    chosen = DetectorSettings.model_validate(fields)
+    assert Path(chosen.model) == file
+    assert chosen.is_shipped
+
+
+def test_on_a_machine_with_a_gpu_the_shipped_model_is_its_weights(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(settings, "GPU", tmp_path)
     assert Path(DetectorSettings().model) == SHIPPED_MODEL
+    assert Path(DetectorSettings(device="cpu").model) == SHIPPED_EXPORT
 
 
 def test_an_absent_file_is_an_error_unless_downloading_is_allowed() -> None:

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from services.detector.model import ModelError
-from services.detector.runtime.choosing import KEPT_S, Runtime, RuntimeTarget, choose
-from services.detector.runtime.engine import Engine
+from services.detector.runtime.choosing import KEPT_S, RuntimeTarget, choose, for_weights
+from services.detector.runtime.engine import Engine, Runtime
 from services.detector.runtime.postprocess import Output
 
 BLANK = np.zeros((1, 32, 32, 3), np.uint8)
@@ -32,7 +32,7 @@ class Slow:
 
 def place(cache: Path, digest: str = "d1", gpu: str = "") -> RuntimeTarget:
     cache.mkdir(exist_ok=True)
-    return RuntimeTarget(digest, 320, "cpu", 2, cache, spare=cache / "spare", gpu=gpu)
+    return RuntimeTarget(digest, 320, "cpu", 2, cache, spare=cache / "spare", gpu=gpu, candidates=for_weights("cpu"))
 
 
 def maker(asked: list[Runtime], *broken: Runtime) -> Callable[[Runtime], Engine]:

@@ -116,7 +116,9 @@ def export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pat
     path = tmp_path / "model.pt"
     path.write_bytes(b"weights")
     digest = hashlib.sha256(b"weights").hexdigest()
-    weights = Weights(path, digest, None, {}, segments=True, longest=640, stride=32, refiner=None)
+    weights = Weights(
+        path=path, digest=digest, model=None, names={}, segments=True, longest=640, stride=32, refiner=None
+    )
 
     def export(kind: str, exporter: Exporter, cache: Path = tmp_path / "cache") -> Path:
         monkeypatch.setattr(models, "YOLO", exporter)

@@ -6,7 +6,6 @@ Masks that surer ones mostly cover are left out by the detector alone, so here n
 from pathlib import Path
 from typing import Any, Final
 
-import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -15,14 +14,11 @@ from services.detector.model import DetectedObjects, ModelError
 from services.detector.runtime import postprocess
 from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings
+from tests.services.detector.runtime.bare_calls import SIDE, Rows, bare, check_same, nearest, picture, vars_of
 from tests.services.detector.support.requests import request
 
 pytestmark = pytest.mark.usefixtures("shut_network", "covered_masks")
 
-Rows = NDArray[np.float64]
-"""Objects, best score first, each as left, top, right, bottom, score, class."""
-
-SIDE: Final = 128
 HEADS: Final = {
     "yolov3-tiny.yaml": "Detect",
     "yolov5n.yaml": "Detect",
@@ -64,26 +60,9 @@ def file_of(architecture: str, files: dict[str, Path]) -> Path:
     return files[architecture]
 
 
-def picture(height: int = 90, width: int = 150) -> NDArray[np.uint8]:
-    coarse = np.random.default_rng(3).integers(0, 255, (9, 14, 3), np.uint8)
-    return np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
-
-
 def picture_for(architecture: str) -> NDArray[np.uint8]:
     """Return a picture; for masks one of the input's size: Ultralytics interpolates others in two steps."""
     return picture(96, 128) if "-seg" in architecture else picture()
-
-
-def bare(file: Path, image: NDArray[np.uint8], **options: object) -> Rows:
-    """Return what Ultralytics finds, cut at the image's border as RT-DETR's boxes alone are not."""
-    from ultralytics.models import YOLO  # noqa: PLC0415 - as above
-
-    model: Any = YOLO(file)
-    (found,) = model.predict(image, imgsz=SIDE, device="cpu", verbose=False, retina_masks=True, **options)
-    rows: Rows = found.boxes.data.double().numpy()
-    height, width = image.shape[:2]
-    rows[:, :4] = np.clip(rows[:, :4], 0, [width, height] * 2)
-    return rows
 
 
 def ours(file: Path, image: NDArray[np.uint8], folder: Path, *, masks: bool = False, **options: object) -> Rows:
@@ -96,24 +75,6 @@ def ours(file: Path, image: NDArray[np.uint8], folder: Path, *, masks: bool = Fa
     assert isinstance(outcome, DetectedObjects)
     rows = [(*vars_of(each.box), each.score, each.label) for each in outcome.objects]
     return np.array(rows, np.float64).reshape(-1, 6)
-
-
-def vars_of(box: Any) -> tuple[float, float, float, float]:
-    return box.x1, box.y1, box.x2, box.y2
-
-
-def nearest(found: Rows, expected: Rows, *, pixels: float, score: float) -> tuple[NDArray[np.intp], Rows]:
-    """Return for each object which of those expected is most like it, and how unlike, at most 1 of the same class."""
-    apart = (np.abs(found[:, None] - expected) / np.array([pixels] * 4 + [score, 0.5])).max(axis=2)
-    return apart.argmin(axis=1), apart.min(axis=1)
-
-
-def check_same(found: Rows, expected: Rows) -> None:
-    """Assert that each object is that of the same class, score and place; equal scores have no order."""
-    assert len(found) == len(expected) >= 2
-    which, apart = nearest(found, expected, pixels=0.1, score=1e-4)
-    assert sorted(which) == list(range(len(expected)))
-    assert apart.max() < 1
 
 
 def test_every_head_that_ultralytics_ships_is_compared(files: dict[str, Path]) -> None:

@@ -20,7 +20,8 @@ from tests.services.detector.support.requests import frame_of
 
 
 def settings(folder: Path, **fields: object) -> DetectorSettings:
-    return DetectorSettings.model_validate({"runtime": "torch", "cache": folder / "cache", **fields})
+    given = {"model": str(SHIPPED_MODEL), "runtime": "torch", "cache": folder / "cache", **fields}
+    return DetectorSettings.model_validate(given)
 
 
 def refusal(folder: Path, **fields: object) -> str:
@@ -80,8 +81,9 @@ def test_nothing_is_read_where_it_would_be_executed(
 
 
 def test_another_format_is_named(tmp_path: Path, model_folder: Path) -> None:
-    (tmp_path / "model.onnx").write_bytes(b"")
-    assert r"Ultralytics weights end in .pt" in refusal(model_folder, model=str(tmp_path / "model.onnx"))
+    (tmp_path / "model.engine").write_bytes(b"")
+    reason = refusal(model_folder, model=str(tmp_path / "model.engine"))
+    assert reason.endswith("neither Ultralytics weights, which end in .pt, nor an ONNX file or a folder of OpenVINO's")
 
 
 def test_unknown_classes_and_devices(model_folder: Path) -> None:

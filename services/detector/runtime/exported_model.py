@@ -1,0 +1,187 @@
+"""Reads a model that Ultralytics exported, which runs without torch: an ONNX file, or a folder of OpenVINO's."""
+
+import ast
+import base64
+import binascii
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from services.detector.model import ModelError, first_line
+from services.detector.runtime.model_file import (
+    COLOURS,
+    ONNX_SUFFIX,
+    SEGMENT,
+    TASKS,
+    ModelFile,
+    NamesError,
+    class_names,
+)
+from services.detector.runtime.postprocess import HEADS, Head
+
+Shape = tuple[int | None, ...]
+"""Images, channels, height and width of an input; None where any number will do."""
+
+METADATA_FILE: Final = "metadata.yaml"
+"""Of a folder of OpenVINO's, beside the .xml and the .bin file."""
+
+HEAD: Final = "fleetsight.head"
+REFINER: Final = "fleetsight.refiner"
+SOURCE: Final = "fleetsight.source"
+"""Entries of ours beside Ultralytics' own: the branch of the head, the refiner as an ONNX file in base64, and the
+SHA-256 of the weights that the file was made of."""
+
+RT_DETR: Final = "RTDETRDecoder"
+"""The head's name in Ultralytics' metadata."""
+
+CURE: Final = "export it with `fleetsight model export` or `yolo export`"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedModel(ModelFile):
+    """An exported model.
+
+    file: to be loaded, the ONNX or the .xml file. fixed: height and width of the only input that it takes, None where
+    it takes any. many: whether it takes more than one image at once. refiner: of its masks as the content of an ONNX
+    file, if it has one and it is wanted. source: SHA-256 of the weights, empty where it is not told.
+    """
+
+    file: Path
+    fixed: tuple[int, int] | None
+    many: bool
+    refiner: bytes | None
+    source: str
+
+
+class _ExportError(ValueError):
+    """The file cannot be used; the message says why."""
+
+
+def read_exported(
+    model: str,
+    option: str = "--model",
+    *,
+    refine: bool = True,
+    nms: bool | None = None,
+    side: int | None = None,
+) -> ExportedModel:
+    """Read what an exported model says about itself. Its network is not run.
+
+    refine: with its refiner. nms: as requested, see `DetectorSettings.nms`. side: as requested, of the input in pixels.
+
+    Raises:
+        ModelError: it is none of Ultralytics' exports, of a task that finds no objects, or not as requested.
+    """
+    what = f"{option} {model}"
+    try:
+        path = Path(model)
+        file = path if path.suffix.lower() == ONNX_SUFFIX else _xml_in(path)
+        metadata, shape = _of_onnx(file) if file == path else _of_openvino(path, file)
+        found = _described(path, file, metadata, shape, refine=refine)
+    except (NamesError, _ExportError) as error:
+        raise ModelError(f"{what}: {error}") from error
+    except ModelError:
+        raise
+    except Exception as error:
+        raise ModelError(f"{what}: not a model that can be used: {first_line(error)}") from error
+    if nms is not None and nms is not (found.head == "nms"):
+        raise ModelError(f"{'--nms' if nms else '--no-nms'} with {what}: it was exported with its other head")
+    if side is not None and found.fixed is not None and side != found.longest:
+        raise ModelError(f"--image-size {side} with {what}: it was exported for {found.longest} pixels alone")
+    return found
+
+
+def _xml_in(folder: Path) -> Path:
+    files = sorted(folder.glob("*.xml"))
+    if len(files) != 1:
+        raise _ExportError(f"{len(files)} .xml files in the folder: a model has one")
+    return files[0]
+
+
+def _of_onnx(file: Path) -> tuple[Mapping[str, Any], Shape]:
+    """Return an ONNX file's metadata, and the shape of its input."""
+    try:
+        import onnxruntime  # noqa: PLC0415 - it may not be there
+    except ModuleNotFoundError as error:
+        raise _ExportError("onnxruntime is not installed; see fleetsight's extra [detector-onnx]") from error
+    options = onnxruntime.SessionOptions()
+    options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
+    options.log_severity_level = 4
+    session = onnxruntime.InferenceSession(file, options, providers=["CPUExecutionProvider"])
+    told = dict(session.get_modelmeta().custom_metadata_map)
+    for name in told.keys() & {"names", "imgsz"}:
+        try:
+            told[name] = ast.literal_eval(told[name])
+        except (ValueError, SyntaxError, MemoryError, RecursionError) as error:
+            raise _ExportError(f"its {name} cannot be read: {CURE}") from error
+    (given,) = session.get_inputs()
+    return told, tuple(side if isinstance(side, int) else None for side in given.shape)
+
+
+def _of_openvino(folder: Path, file: Path) -> tuple[Mapping[str, Any], Shape]:
+    """Return the metadata beside an OpenVINO model, and the shape of its input."""
+    try:
+        from services.detector.runtime.openvino_engine import input_shape  # noqa: PLC0415 - it may not be there
+    except ModuleNotFoundError as error:
+        raise _ExportError("openvino is not installed; see fleetsight's extra [openvino]") from error
+    metadata = folder / METADATA_FILE
+    told = yaml.safe_load(metadata.read_text(encoding="utf-8")) if metadata.is_file() else {}
+    if not isinstance(told, Mapping):
+        raise _ExportError(f"its {METADATA_FILE} holds no entries: {CURE}")
+    return told, input_shape(file)
+
+
+def _described(path: Path, file: Path, told: Mapping[str, Any], shape: Shape, *, refine: bool) -> ExportedModel:
+    if missing := [name for name in ("task", "names", "stride", "imgsz") if name not in told]:
+        raise _ExportError(f"it does not say its {', '.join(missing)}: {CURE}")
+    task = str(told["task"])
+    if task not in TASKS:
+        raise _ExportError(f"a model for {task!r}, not for one of {', '.join(TASKS)}")
+    images, channels, height, width = shape
+    if channels != COLOURS:
+        raise _ExportError(f"it is for images of {channels} channels, and cameras have {COLOURS}: train it on RGB")
+    if images not in (None, 1):
+        raise _ExportError(f"it is for {images} images at once: export it with batch=1, or dynamic=True")
+    if (height is None) != (width is None):
+        raise _ExportError("one side of its input is fixed, the other is not: export it with or without dynamic=True")
+    fixed = None if height is None or width is None else (height, width)
+    sides = told["imgsz"] if isinstance(told["imgsz"], list | tuple) else [told["imgsz"]]
+    return ExportedModel(
+        path=path,
+        digest=_digest(file),
+        names=class_names(told["names"]),
+        segments=task == SEGMENT,
+        longest=max(fixed or map(int, sides)),
+        stride=max(32, int(float(told["stride"]))),
+        head=_head(told),
+        file=file,
+        fixed=fixed,
+        many=images is None,
+        refiner=_refiner(told) if refine else None,
+        source=str(told.get(SOURCE, "")),
+    )
+
+
+def _head(told: Mapping[str, Any]) -> Head:
+    kept: Head | None = next((each for each in HEADS if each == told.get(HEAD)), None)
+    return kept or ("rt-detr" if told.get("head") == RT_DETR else "nms")
+
+
+def _refiner(told: Mapping[str, Any]) -> bytes | None:
+    content = told.get(REFINER)
+    try:
+        return base64.b64decode(content, validate=True) if content else None
+    except (binascii.Error, ValueError) as error:
+        raise _ExportError("its refiner is damaged: export it again") from error
+
+
+def _digest(file: Path) -> str:
+    """Return the SHA-256 of a model's file, and of the weights beside an .xml file."""
+    digest = hashlib.sha256(file.read_bytes())
+    if (beside := file.with_suffix(".bin")) != file and file.suffix == ".xml":
+        digest.update(beside.read_bytes())
+    return digest.hexdigest()

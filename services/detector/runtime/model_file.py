@@ -1,0 +1,80 @@
+"""A model as its file tells it, whichever kind of file that is: a checkpoint of weights, or an exported model."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from services.detector.runtime.postprocess import Head
+
+SEGMENT: Final = "segment"
+TASKS: Final = (SEGMENT, "detect")
+COLOURS: Final = 3
+"""Channels of a camera's image."""
+
+WEIGHTS_SUFFIX: Final = ".pt"
+ONNX_SUFFIX: Final = ".onnx"
+EXPORTS: Final = "an ONNX file or a folder of OpenVINO's"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelFile:
+    """Facts that hold under every runtime.
+
+    digest: of the file's content. longest: the longer side of the input in training, in pixels. head: how objects are
+    read off the output. agnostic: whether the model's own default is to suppress overlapping boxes whatever their
+    classes, as of YOLOE.
+    """
+
+    path: Path
+    digest: str
+    names: Mapping[int, str]
+    segments: bool
+    longest: int
+    stride: int
+    head: Head = "nms"
+    agnostic: bool = False
+
+
+class NamesError(ValueError):
+    """The names of a model's classes are unusable; the message says why."""
+
+
+def is_exported(model: str) -> bool:
+    """Whether a path names an exported model: an ONNX file, or a folder as OpenVINO has it."""
+    path = Path(model)
+    return path.suffix.lower() == ONNX_SUFFIX or (path.is_dir() and any(path.glob("*.xml")))
+
+
+def class_names(given: Any, classes: int | None = None) -> dict[int, str]:
+    """Return the names of a model's classes, by label; renamed classes are often a list.
+
+    given: names by label, or a list of them. classes: how many the model has, where that is known.
+
+    Raises:
+        NamesError: they are not one for each class.
+    """
+    if not isinstance(given, Mapping | list | tuple):
+        raise NamesError(f"its names are a {type(given).__name__}, neither a list nor a dictionary")
+    named = given if isinstance(given, Mapping) else dict(enumerate(given))
+    names = {_label(key): _sendable(str(name)) for key, name in named.items()}
+    if classes is not None and len(named) != classes:
+        raise NamesError(f"{len(named)} names for {classes} classes")
+    if not names or names.keys() != set(range(len(named))):
+        raise NamesError("names of other classes")
+    if unnamed := [label for label, name in names.items() if not name.strip()]:
+        raise NamesError(f"class {unnamed[0]} has an empty name")
+    return {int(label): name for label, name in names.items()}
+
+
+def _label(key: Any) -> Any:
+    """Return the whole number that a key stands for, such as 0.0 or "0"; another key as it is."""
+    with suppress(ValueError):
+        return int(float(key)) if isinstance(key, str | int | float) and float(key).is_integer() else key
+    return key
+
+
+def _sendable(name: str) -> str:
+    """Return a name with lone surrogates escaped, which messages cannot carry."""
+    return name.encode("utf-8", "backslashreplace").decode()

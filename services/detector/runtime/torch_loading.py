@@ -1,0 +1,159 @@
+"""Runs weights under torch and, exported once, under the other runtimes. Needs torch."""
+
+import logging
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from services.detector.model import first_line
+from services.detector.runtime.choosing import RuntimeTarget, check_installed, choose, for_weights
+from services.detector.runtime.engine import Engine, RunningModel, Runtime
+from services.detector.runtime.exporting import discard, exported
+from services.detector.runtime.nms_branches import keep_branch
+from services.detector.runtime.pipeline import prove
+from services.detector.runtime.postprocess import OutputError
+from services.detector.runtime.refinement.network import RefinerNetwork
+from services.detector.runtime.refinement.refiner import Refiner, blank_close_ups
+from services.detector.runtime.refinement.torch_refiner import TorchRefiner
+from services.detector.runtime.torch_engine import TorchEngine
+from services.detector.runtime.weights import Weights, device_of
+from services.detector.settings import DetectorSettings
+
+log = logging.getLogger(__name__)
+
+ONNX: Final = ("onnx", "openvino")
+"""Runtimes beside which masks are refined under ONNX Runtime: it takes less time than torch."""
+
+
+def running_weights(
+    weights: Weights,
+    settings: DetectorSettings,
+    longest: int,
+    folder: Path,
+    blank: NDArray[np.uint8],
+    *,
+    refine: bool = True,
+) -> RunningModel:
+    """Return weights under the requested runtime, or the fastest. Takes seconds.
+
+    longest: longer side of the input in pixels. folder: for what is exported if the cache cannot be written. blank: an
+    empty image, see `prove`. refine: with the refiner of the weights, if they have one.
+
+    Raises:
+        ModelError: no runtime works here, or not the requested one.
+    """
+    device = device_of(settings.device)
+    place = _place(settings, weights, device, longest, folder)
+    runtime, engine, reference = _engines(settings, weights, device, place, blank)
+    refiner = None
+    if refine and weights.refiner is not None:
+        refiner = _refiner(weights.refiner, runtime, device, settings.inference_threads)
+    return RunningModel(runtime, engine, None if runtime == "torch" else reference, refiner, many=device.type == "cuda")
+
+
+def _place(
+    settings: DetectorSettings, weights: Weights, device: torch.device, longest: int, folder: Path
+) -> RuntimeTarget:
+    return RuntimeTarget(
+        weights.digest,
+        longest,
+        device.type,
+        settings.inference_threads,
+        settings.cache,
+        spare=folder / "exported",
+        gpu=torch.cuda.get_device_name(device) if device.type == "cuda" else "",
+        candidates=for_weights(device.type),
+    )
+
+
+def _engines(
+    settings: DetectorSettings, weights: Weights, device: torch.device, place: RuntimeTarget, blank: NDArray[np.uint8]
+) -> tuple[Runtime, Engine, Engine]:
+    """Return the runtime, the model under it, and the model under torch."""
+    keep_branch(weights.model, weights.head)
+    reference = TorchEngine(weights.model, device)
+    torch.set_num_threads(place.threads)  # Ultralytics leaves it at cores - 1
+
+    def make(runtime: Runtime) -> Engine:
+        made = _make(runtime, weights=weights, device=device, place=place, reference=reference)
+        prove(made, blank, weights.names, weights.stride, weights.head)
+        return made
+
+    if settings.runtime == "auto":
+        try:
+            make("torch")  # what ails the weights is said at once, and of all runtimes
+        except OutputError:
+            raise
+        except Exception as error:  # noqa: BLE001 - `choose` takes those that work
+            log.debug("torch does not work here: %s", first_line(error))
+        return *choose(make, place, blank), reference
+    check_installed(settings.runtime)
+    return settings.runtime, make(settings.runtime), reference
+
+
+def _refiner(network: RefinerNetwork, runtime: Runtime, device: torch.device, threads: int) -> Refiner:
+    """Return the refiner under ONNX Runtime where that helps and works, else under torch. Run once: see `load`.
+
+    Under OpenVINO it takes as long.
+    """
+    seen = blank_close_ups(1, network.prototypes)
+    if device.type == "cpu" and runtime in ONNX and find_spec("onnxruntime") is not None:
+        try:
+            refiner = _onnx_refiner(network, threads)
+            refiner.run(seen)
+        except Exception as error:  # noqa: BLE001 - whatever ails one library, torch works
+            log.warning("masks are refined under torch: onnx cannot: %s", first_line(error))
+        else:
+            log.info("masks are refined under onnx")
+            return refiner
+    slower = TorchRefiner(network, device)
+    slower.run(seen)
+    return slower
+
+
+def _onnx_refiner(network: RefinerNetwork, threads: int) -> Refiner:
+    from services.detector.runtime.refinement import exporting  # noqa: PLC0415 - it is heavy
+    from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415 - it may not be there
+
+    return OnnxRefiner(exporting.onnx_of(network), threads)
+
+
+def _gpu(device: torch.device) -> int | None:
+    return device.index or 0 if device.type == "cuda" else None
+
+
+def _make(
+    runtime: Runtime, *, weights: Weights, device: torch.device, place: RuntimeTarget, reference: Engine
+) -> Engine:
+    export = partial(exported, weights, cache=place.cache, device=str(device), longest=place.longest)
+    file = partial(export, gpu=place.gpu, spare=place.spare)
+    match runtime:
+        case "torch":
+            return reference
+        case "onnx":
+            from services.detector.runtime.onnx_engine import OnnxEngine  # noqa: PLC0415
+
+            return _loaded(partial(OnnxEngine, threads=place.threads, gpu=_gpu(device)), partial(file, "onnx"))
+        case "openvino":
+            from services.detector.runtime.openvino_engine import OpenVinoEngine  # noqa: PLC0415
+
+            return _loaded(partial(OpenVinoEngine, threads=place.threads), partial(file, "onnx"))
+        case "tensorrt":
+            return _loaded(partial(TorchEngine, device=device), partial(file, "engine"))
+
+
+def _loaded(engine: Callable[[Path], Engine], file: Callable[..., Path]) -> Engine:
+    """Return the exported model; one that cannot be loaded may be damaged, and is exported again."""
+    path = file()
+    try:
+        return engine(path)
+    except Exception as error:  # noqa: BLE001 - if the file is not to blame, it says so once more
+        log.warning("%s cannot be loaded, and is exported again: %s", path, first_line(error))
+        discard(path.parent)
+        return engine(file(damaged=path))
