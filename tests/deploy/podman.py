@@ -8,6 +8,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -114,12 +115,14 @@ class Podman:
     def build(self, target: str, wheels: Path) -> str:
         """Make an image of the Containerfile; return its name."""
         name = f"localhost/fleetsight-{target}"
+        labels = ["--build-arg", f"VERSION={version('fleetsight')}"]
         offline = ["--build-arg", "PIP_OPTIONS=--no-index --find-links=/wheels", "--volume", f"{wheels}:/wheels:ro"]
         here = ["--isolation", "chroot", "--network", "host", "--format", "docker", "--build-arg", f"PYTHON={PYTHON}"]
         self.run(
             "build",
             "--quiet",
             *here,
+            *labels,
             *offline,
             "--file",
             DEPLOY / "Containerfile",

@@ -18,21 +18,22 @@ from tests.deploy.machine import make_root, make_wheels, require_containers
 from tests.deploy.podman import PYTHON, Podman
 from tests.deploy.units import DEPLOY, command
 
-pytestmark = pytest.mark.timeout(1200)  # six images are built first
+pytestmark = pytest.mark.timeout(1200)  # seven images are built first
 
 EXTRAS = {
     "gateway": "pki",
     "space": "distance,cloud,worldmodel",
+    "detector-cpu": "detector-onnx",
     "simulator": "simulator",
     "monitor": "monitor,pki",
 }
-"""All but the detector's: torch alone has more bytes than all of these, and comes from the network."""
+"""All but the detector's for GPUs: its torch alone has more bytes than all of these, and comes from the network."""
 
-GATEWAY_MB = 350
+LARGEST_MB = {"gateway": 350, "detector-cpu": 500}
 PEERS = ("postgresql", "prometheus")
 """Debian's own, that compose.yaml has beside ours."""
 
-STARTED = ("postgresql", "prometheus", "monitor", "worldmodel", "distance", "cloud", "simulator", "gateway")
+STARTED = ("postgresql", "prometheus", "monitor", "worldmodel", "distance", "cloud", "detector", "simulator", "gateway")
 DEADLINE_S = 60
 
 
@@ -60,7 +61,10 @@ def test_an_image_runs_without_rights_and_without_tools_to_build_with(podman: Po
     assert podman.once(image, "-c", present, entry="/opt/fleetsight/bin/python3") == "[]\n"
     (described,) = json.loads(podman.run("inspect", image))
     assert described["Config"]["User"] == "10001:10001"
-    assert described["Config"]["Labels"]["org.opencontainers.image.licenses"] == "AGPL-3.0-or-later"
+    labels = described["Config"]["Labels"]
+    assert labels["org.opencontainers.image.licenses"] == "AGPL-3.0-or-later"
+    assert labels["org.opencontainers.image.version"] == version("fleetsight")
+    assert described["Config"]["Healthcheck"]["Test"][0] == "CMD"
 
 
 @pytest.mark.parametrize("target", ["gateway", "monitor"])
@@ -69,9 +73,10 @@ def test_a_robot_s_image_and_a_router_s_can_get_certificates(podman: Podman, tar
     assert made.startswith("/tmp/pki/ca.pem: the fleet's authority")  # noqa: S108
 
 
-def test_a_gateway_s_image_is_small(podman: Podman) -> None:
-    (described,) = json.loads(podman.run("inspect", "localhost/fleetsight-gateway"))
-    assert described["Size"] / 1e6 <= GATEWAY_MB
+@pytest.mark.parametrize("target", LARGEST_MB)
+def test_an_image_for_robots_and_one_for_processors_are_small(podman: Podman, target: str) -> None:
+    (described,) = json.loads(podman.run("inspect", f"localhost/fleetsight-{target}"))
+    assert described["Size"] / 1e6 <= LARGEST_MB[target]
 
 
 @pytest.fixture(scope="module")
@@ -97,8 +102,30 @@ def test_a_simulated_robot_s_data_reaches_the_centre(fleet: Podman) -> None:
     assert "r1: its gateway" in told
 
 
-def test_the_monitor_is_healthy(fleet: Podman) -> None:
-    fleet.run("healthcheck", "run", "deploy_monitor_1")
+def test_what_the_detector_sees_reaches_a_program_as_the_demo_checks(fleet: Podman) -> None:
+    """The program runs where the gateway alone is installed; the check is the demo's: class lists of each robot."""
+    script = (
+        "import asyncio, fleetsight\n"
+        "async def main():\n"
+        "    async with fleetsight.connect(['tcp/monitor:7447']) as fleet:\n"
+        "        async for seen in fleet.class_lists('r1'):\n"
+        "            if any(each.count for each in seen.classes):\n"
+        "                return print(seen.header.robot, seen.model)\n"
+        "asyncio.run(asyncio.wait_for(main(), 90))\n"
+    )
+    seen = fleet.run("exec", "deploy_gateway_1", "python3", "-c", script)
+    assert seen == "r1 warehouse-n-seg.onnx\n"
+
+
+@pytest.mark.parametrize("name", [each for each in STARTED if each != "prometheus"])
+def test_each_process_is_healthy(fleet: Podman, name: str) -> None:
+    fleet.run("healthcheck", "run", f"deploy_{name}_1")
+
+
+def test_a_process_whose_event_loop_stands_still_is_unhealthy(fleet: Podman) -> None:
+    fleet.run("exec", "deploy_distance_1", "python3", "-c", "import os; os.utime('/tmp/heartbeat', (0, 0))")
+    with pytest.raises(AssertionError):
+        fleet.run("healthcheck", "run", "deploy_distance_1")
 
 
 def test_the_history_is_in_postgresql(fleet: Podman) -> None:
@@ -136,8 +163,8 @@ def test_all_end_in_order(fleet: Podman) -> None:
 
 @pytest.fixture(scope="module")
 def cluster(podman: Podman) -> Iterator[tuple[Podman, list[Mapping[str, Any]]]]:
-    """The chart's pods but the detector's, and beside them a simulated robot with its gateway."""
-    objects = render({"detector": {"enabled": False}, "image": {"tag": "latest"}, "monitor": {"openMetrics": True}})
+    """The chart's pods, and beside them a simulated robot with its gateway."""
+    objects = render({"image": {"tag": "latest"}, "monitor": {"openMetrics": True}})
     with podman.playing(playable(objects), "cluster"):
         confined = ["--detach", "--pull=never", "--read-only", "--cap-drop=all"]
         robot = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11311"]
@@ -155,9 +182,10 @@ def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
     eventually(podman, pod("distance"), "serving 1 cameras")
     eventually(podman, pod("cloud"), "serving 1 cameras")
     eventually(podman, pod("worldmodel"), "serving it")
+    eventually(podman, pod("detector"), "serving 1 cameras")
     read = "import urllib.request as web; print(web.urlopen('http://{}-monitor:8080{}', timeout=9).read().decode())"
     probes = {each["containers"][0]["name"]: each["containers"][0]["livenessProbe"] for each in pods}
-    assert probes.keys() == {"monitor", "distance", "cloud", "worldmodel"}
+    assert probes.keys() == {"monitor", "detector", "distance", "cloud", "worldmodel"}
     for name, probe in probes.items():
         if name == "monitor":
             answer = podman.run("exec", pod("cloud"), "python3", "-c", read.format(NAME, probe["httpGet"]["path"]))
@@ -170,7 +198,7 @@ def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
                 podman.run("exec", pod(name), *python, hung)
     metrics = podman.run("exec", pod("cloud"), "python3", "-c", read.format(NAME, "/metrics"))
     assert 'fleetsight_robot_online{robot="r1"} 1.0' in metrics
-    assert set(re.findall(r'busy_seconds_total{service="(\w+)"', metrics)) == {"distance", "cloud"}
+    assert set(re.findall(r'busy_seconds_total{service="(\w+)"', metrics)) == {"detector", "distance", "cloud"}
 
 
 def pod(process: str) -> str:
@@ -181,7 +209,7 @@ def pod(process: str) -> str:
 def test_each_service_of_compose_has_settings_that_its_command_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     services = yaml.safe_load((DEPLOY / "compose.yaml").read_text(encoding="utf-8"))["services"]
     monkeypatch.delenv("FLEETSIGHT_HISTORY", raising=False)
-    assert set(STARTED) | {"detector"} == set(services)
+    assert set(STARTED) == set(services)
     for each, service in services.items():
         if each not in PEERS:
             name, *options = service["command"]
@@ -193,7 +221,7 @@ def test_each_service_of_compose_has_settings_that_its_command_takes(monkeypatch
 def test_every_target_is_told_and_every_folder_that_is_copied_is_there() -> None:
     text = (DEPLOY / "Containerfile").read_text(encoding="utf-8")
     targets = [line.split()[-1] for line in text.splitlines() if line.startswith("FROM base AS")]
-    assert sorted(targets) == sorted([*EXTRAS, "detector", "detector-cpu"])
+    assert sorted(targets) == sorted([*EXTRAS, "detector"])
     for line in text.splitlines():
         if line.startswith("COPY ") and "--from" not in line:
             assert all((DEPLOY.parent / name).exists() for name in line.split()[1:-1])

@@ -14,11 +14,11 @@ import pytest
 from tests.deploy import units
 from tests.deploy.machine import Machine, booted, make_root, make_wheels, require_containers, set_up
 
-SERVICES = ("gateway", "monitor", "worldmodel", "space@distance", "space@cloud")
-SETTINGS = ("gateway", "monitor", "worldmodel", "space")
+SERVICES = ("gateway", "monitor", "worldmodel", "space@distance", "space@cloud", "detector")
+SETTINGS = ("gateway", "monitor", "worldmodel", "space", "detector")
 pytestmark = pytest.mark.timeout(1200)  # a system is made first
 
-EXTRAS = "monitor,distance,cloud,worldmodel,pki"
+EXTRAS = "monitor,distance,cloud,worldmodel,detector-onnx,pki"
 PROGRAM = "/opt/fleetsight/bin/fleetsight"
 TLS = "/etc/fleetsight/tls"
 A_MINUTE = "0.0007"
@@ -41,7 +41,7 @@ def script() -> str:
     """Return what sets the machine up, with the extras of all that is started there."""
     commands = [*told("gateway"), *told("enrolment"), *told("renew")]
     assert any(line.endswith(" .") for line in commands)
-    files = [f"deploy/fleetsight-{name}.service" for name in ("gateway", "monitor", "worldmodel", "space@")]
+    files = [f"deploy/fleetsight-{name}.service" for name in ("gateway", "monitor", "worldmodel", "space@", "detector")]
     enabled = " ".join(shlex.quote(f"fleetsight-{name}") for name in (*SERVICES, "enrolment"))
     lines = [f"{line[:-1]}'.[{EXTRAS}]'" if line.endswith(" .") else line for line in commands]
     return "\n".join(

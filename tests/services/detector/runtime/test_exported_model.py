@@ -11,6 +11,7 @@ import numpy as np
 import onnx
 import pytest
 from numpy.typing import NDArray
+from onnxruntime.transformers.float16 import convert_float_to_float16
 
 from schemas.detections import Detection
 from services.detector.model import DetectedObjects, ModelError
@@ -133,6 +134,18 @@ def test_what_ultralytics_exports_finds_what_ultralytics_finds_with_it(
     expected = bare(file, image, imgsz=chosen["imgsz"])
     found = found_by(file, image, model_folder, runtime="onnx" if file.suffix == ".onnx" else "openvino")
     check_same(np.array([(*vars_of(each.box), each.score, each.label) for each in found]), expected)
+
+
+@pytest.mark.filterwarnings("ignore")  # of the converter, about numbers that half precision does not know
+@pytest.mark.parametrize("runtime", ["onnx", "openvino"])
+def test_a_model_in_half_precision_finds_the_same(
+    runtime: str, view: NDArray[np.uint8], expected: list[Detection], tmp_path: Path, model_folder: Path
+) -> None:
+    half = convert_float_to_float16(onnx.load(SHIPPED_EXPORT), keep_io_types=False, op_block_list=["Resize"])
+    assert half.graph.input[0].type.tensor_type.elem_type == onnx.TensorProto.FLOAT16
+    onnx.save(half, tmp_path / "half.onnx")
+    found = found_by(tmp_path / "half.onnx", view, model_folder, runtime=runtime)
+    assert difference(found, expected, 0.25) is None
 
 
 def changed(folder: Path, **entries: str | None) -> Path:
