@@ -8,7 +8,7 @@ REPEAT ?= 1
 JOBS ?= 4
 TAR = tar --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct)
 
-.PHONY: demo test lint types tests again ros postgresql chromium nginx containers prometheus helm screenshots bench fuzz dist clean help
+.PHONY: demo test lint types tests again ros postgresql chromium nginx containers prometheus helm custom-kinds screenshots bench fuzz dist clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -16,7 +16,7 @@ help:  ## list the targets
 demo: .venv/.all  ## run a simulated fleet and watch it (SECONDS=30 stops by itself, ROBOTS=3)
 	@exec $(BIN)/fleetsight demo --robots $(ROBOTS) $(if $(SECONDS),--seconds $(SECONDS))
 
-test: .venv/.test ros postgresql chromium nginx containers prometheus helm lint types tests  ## install what the tests need and run every check
+test: .venv/.test ros postgresql chromium nginx containers prometheus helm custom-kinds lint types tests  ## install what the tests need and run every check
 
 lint:
 	@echo "[check] format, lint"
@@ -55,6 +55,9 @@ prometheus:
 
 helm: .venv/.test
 	@tests/install/helm.sh $(BIN)/python
+
+custom-kinds: .venv/.test
+	@tests/install/custom_kinds.sh .venv/custom-kinds
 
 screenshots: .venv/.test chromium  ## run the demo and take the pictures that the documentation shows of its page
 	@$(BIN)/python -m tests.integration.page.screenshots

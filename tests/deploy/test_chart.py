@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,12 +16,15 @@ import yaml
 from services.toolbox.settings import load
 from tests.deploy.helm import CHART, NAME, Values, find, helm, refusal, render
 from tests.deploy.units import DEPLOY, command
+from tests.missing import require_debian
 
 KUBERNETES = ("1.29", "1.35", "1.36", "1.37")
 """The oldest that the chart allows, and the last three."""
 
 CUSTOM = {"ScaledObject", "ServiceMonitor", "PrometheusRule"}
 """Kinds that are not Kubernetes' own."""
+
+CUSTOM_KINDS = Path(sys.executable).parents[1] / "custom-kinds"
 
 CERTIFICATES = {"monitor": "central", "detector": "gpu1", "space": "space1", "worldmodel": "world1", "access": "rules"}
 ENDS = (".pem", ".key")
@@ -76,6 +81,26 @@ def test_kubernetes_would_refuse_a_misspelt_field(rendered: dict[str, list[dict[
     deployment["spec"]["template"]["spec"]["containers"][0]["livenesProbe"] = {}
     with pytest.raises(kubernetes_validate.ValidationError, match="livenesProbe"):
         kubernetes_validate.validate(deployment, KUBERNETES[-1], strict=True)
+
+
+def custom_reasons(objects: list[dict[str, Any]]) -> list[str]:
+    """Return what is wrong with objects of other kinds than Kubernetes' own, by their published schemas."""
+    require_debian("their schemas", [CUSTOM_KINDS / "node_modules"], how="tests/install/custom_kinds.sh installs them")
+    command = ["node", str(Path(__file__).with_name("custom_kinds.js")), str(CUSTOM_KINDS)]
+    done = subprocess.run(command, input=json.dumps(objects), capture_output=True, text=True, check=True)
+    return list(json.loads(done.stdout))
+
+
+def test_keda_and_the_prometheus_operator_take_their_kinds(rendered: dict[str, list[dict[str, Any]]]) -> None:
+    objects = [each for each in rendered["autoscaling"] if each["kind"] in CUSTOM]
+    assert {each["kind"] for each in objects} == CUSTOM
+    assert custom_reasons(objects) == [""] * len(objects)
+
+
+def test_keda_would_refuse_a_wrong_number(rendered: dict[str, list[dict[str, Any]]]) -> None:
+    (scaled,) = (json.loads(json.dumps(each)) for each in rendered["autoscaling"] if each["kind"] == "ScaledObject")
+    scaled["spec"]["minReplicaCount"] = "one"
+    assert custom_reasons([scaled]) == ["data/spec/minReplicaCount must be integer"]
 
 
 def pods(objects: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:

@@ -29,7 +29,7 @@ EXTRAS = {
 }
 """All but the detector's for GPUs: its torch alone has more bytes than all of these, and comes from the network."""
 
-LARGEST_MB = {"gateway": 350, "detector-cpu": 500}
+LARGEST_MB = {"gateway": 350, "detector-cpu": 600}
 PEERS = ("postgresql", "prometheus")
 """Debian's own, that compose.yaml has beside ours."""
 
@@ -64,7 +64,7 @@ def test_an_image_runs_without_rights_and_without_tools_to_build_with(podman: Po
     labels = described["Config"]["Labels"]
     assert labels["org.opencontainers.image.licenses"] == "AGPL-3.0-or-later"
     assert labels["org.opencontainers.image.version"] == version("fleetsight")
-    assert described["Config"]["Healthcheck"]["Test"][0] == "CMD"
+    assert described["HealthCheck"]["Test"][0] == "CMD"
 
 
 @pytest.mark.parametrize("target", ["gateway", "monitor"])
@@ -107,7 +107,7 @@ def test_what_the_detector_sees_reaches_a_program_as_the_demo_checks(fleet: Podm
     script = (
         "import asyncio, fleetsight\n"
         "async def main():\n"
-        "    async with fleetsight.connect(['tcp/monitor:7447']) as fleet:\n"
+        "    async with fleetsight.connect('tcp/monitor:7447') as fleet:\n"
         "        async for seen in fleet.class_lists('r1'):\n"
         "            if any(each.count for each in seen.classes):\n"
         "                return print(seen.header.robot, seen.model)\n"
@@ -141,9 +141,9 @@ def test_prometheus_has_the_metrics_and_our_rules(fleet: Podman) -> None:
     end = time.monotonic() + DEADLINE_S
     for asked, said in (
         ('fleetsight_robot_online{robot="r1"}', "=> 1 @"),
-        ("fleetsight:detector_load", "fleetsight:detector_load => 0 @"),
+        ("fleetsight:detector_load", r"=> 0\.\d+ @"),
     ):
-        while said not in (answer := fleet.run(*query, asked)):
+        while not re.search(said, answer := fleet.run(*query, asked)):
             assert time.monotonic() < end, f"{answer}{fleet.logs('deploy_prometheus_1')}"
             time.sleep(0.5)
 
