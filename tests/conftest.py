@@ -34,6 +34,9 @@ logging.getLogger("asyncio").addFilter(is_news)
 # A test's monitor keeps no history unless the test says where.
 os.environ.setdefault("FLEETSIGHT_HISTORY", "none")
 
+# Tests run side by side. Threads of one computation that wait for each other spin while another test has their core.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 # Zenoh has two receiving threads a process. What waits for a link holds one, and a test's sessions wait for each other.
 os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
 
