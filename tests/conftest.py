@@ -1,9 +1,10 @@
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import tempfile
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -33,8 +34,27 @@ logging.getLogger("asyncio").addFilter(is_news)
 # A test's monitor keeps no history unless the test says where.
 os.environ.setdefault("FLEETSIGHT_HISTORY", "none")
 
+# Tests run side by side. Threads of one computation that wait for each other spin while another test has their core.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 # Zenoh has two receiving threads a process. What waits for a link holds one, and a test's sessions wait for each other.
 os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
+
+
+class DebugLoop(asyncio.SelectorEventLoop):
+    """An event loop with the checks of asyncio's debug mode: calls from other threads, callbacks that take long.
+
+    Debug mode also keeps the stack of whoever makes a handle, a future or a task: two thirds of a page's work.
+    """
+
+    def get_debug(self) -> bool:
+        """Tell those who would keep a stack that there is no need; the loop's own checks do not ask."""
+        return False
+
+
+def pytest_asyncio_loop_factories() -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:
+    """Run all coroutines in loops that check, and keep no stacks."""
+    return {"debug": DebugLoop}
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,5 +1,7 @@
 """Whole systems made of Debian's packages: wheels to install in them, a root file system, one that systemd runs."""
 
+import fcntl
+import os
 import shutil
 import subprocess
 import sys
@@ -12,24 +14,31 @@ from typing import Final
 import pytest
 
 from tests.deploy.units import DEPLOY
-from tests.missing import require_debian
+from tests.missing import missing, require_debian
 
 ROOT: Final = DEPLOY.parent
 DEBIAN: Final = "bookworm"
 DEBIANS_PYTHON: Final = (3, 11)
 TOOLS: Final = ("mmdebstrap", "systemd-nspawn", "podman", "buildah", "runc")
+NSPAWN: Final = ("systemd-nspawn", "--quiet", "--register=no", "--keep-unit")
 DEADLINE_S: Final = 60
+
+EXTRAS: Final = "cloud,detector-onnx,distance,monitor,pki,simulator,worldmodel"
+"""Extras whose wheels are made, for all systems at once."""
 
 
 def require_containers() -> None:
-    """Skip where systems cannot be made or started here, for a reason that is no fault of the project's."""
-    missing = [tool for tool in TOOLS if shutil.which(tool) is None]
-    if missing:
-        require_debian("containers", missing, how="tests/install/containers.sh installs it")
+    """Skip, or fail in CI, where systems cannot be made or started here."""
+    lacking = [tool for tool in TOOLS if shutil.which(tool) is None]
+    if lacking:
+        require_debian("containers", lacking, how="tests/install/containers.sh installs it")
     if subprocess.run(["unshare", "--mount", "--pid", "--fork", "true"], capture_output=True, check=False).returncode:
-        pytest.skip("this machine does not let its user make namespaces: run the tests as root")
+        missing("this machine does not let its user make namespaces: run the tests as root")
     if sys.version_info[:2] != DEBIANS_PYTHON:
-        pytest.skip(f"the wheels are made with Debian's Python {'.'.join(map(str, DEBIANS_PYTHON))}")
+        debians = ".".join(map(str, DEBIANS_PYTHON))
+        missing(
+            f"the wheels are made with Debian's Python {debians}, not with {sys.version.split()[0]}: make PYTHON=..."
+        )
 
 
 def checked(*command: str | Path) -> str:
@@ -39,20 +48,43 @@ def checked(*command: str | Path) -> str:
     return ended.stdout
 
 
-def make_wheels(folder: Path, extras: str) -> Path:
-    """Return a folder with wheels of fleetsight and all that it needs, to install it without network."""
-    folder.mkdir()
-    wheel = [sys.executable, "-m", "pip", "wheel", "--quiet", "--wheel-dir", str(folder)]
-    checked(*wheel, "--constraint", str(ROOT / "constraints.txt"), f"{ROOT}[{extras}]", "hatchling")
-    return folder
+def wheels(factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with wheels of fleetsight with EXTRAS and all that it needs, to install it without network."""
+    wheel = [sys.executable, "-m", "pip", "wheel", "--quiet", "--constraint", str(ROOT / "constraints.txt")]
+    return _once(factory, "wheels", lambda made: checked(*wheel, "--wheel-dir", made, f"{ROOT}[{EXTRAS}]", "hatchling"))
 
 
-def make_root(target: Path, *packages: str) -> Path:
-    """Make a folder, or an archive where it is named so, of Debian's smallest root file system with some packages."""
-    include = ",".join(("python3", "python3-venv", "ca-certificates", *packages))
+def root_archive(factory: pytest.TempPathFactory) -> Path:
+    """Return an archive of Debian's smallest root file system with Python."""
     slim = [f"--dpkgopt=path-exclude=/usr/share/{name}/*" for name in ("doc", "info", "locale", "man")]
-    checked("mmdebstrap", "--quiet", "--variant=minbase", f"--include={include}", *slim, DEBIAN, target)
+    command = ["mmdebstrap", "--quiet", "--variant=minbase", "--include=python3,python3-venv,ca-certificates", *slim]
+    return _once(factory, "root.tar", lambda made: checked(*command, DEBIAN, made))
+
+
+def make_root(target: Path, archive: Path, *packages: str) -> Path:
+    """Make a folder of a root file system's archive, with some more packages of Debian's."""
+    target.mkdir()
+    checked(
+        "tar", "--extract", "--preserve-permissions", "--numeric-owner", f"--file={archive}", f"--directory={target}"
+    )
+    proxies = [f"--setenv={name}" for name in os.environ if name.lower().endswith("_proxy")]
+    install = f"apt-get --quiet update && apt-get --quiet --yes --no-install-recommends install {' '.join(packages)}"
+    in_it = [*NSPAWN, f"--directory={target}", *proxies, "--setenv=DEBIAN_FRONTEND=noninteractive", "--as-pid2"]
+    checked(*in_it, "/bin/sh", "-c", f"{install} && apt-get clean")
     return target
+
+
+def _once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
+    """Return what the first of the test run's processes makes; the others wait for it."""
+    base = factory.getbasetemp()
+    folder = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    made, unfinished = folder / name, folder / f"unfinished-{name}"
+    with (folder / f"{name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not made.exists():
+            make(unfinished)
+            unfinished.rename(made)
+    return made
 
 
 class Machine:
@@ -88,9 +120,8 @@ class Machine:
 @contextmanager
 def booted(tree: Path) -> Iterator[Machine]:
     """Start the system in a folder, and stop it."""
-    nspawn = ["systemd-nspawn", "--quiet", "--register=no", "--keep-unit", f"--directory={tree}"]
     with subprocess.Popen(
-        [*nspawn, "--boot", "--private-network", "--console=pipe"],
+        [*NSPAWN, f"--directory={tree}", "--boot", "--private-network", "--console=pipe"],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -120,7 +151,6 @@ def _leader(nspawn: int) -> int:
 def set_up(tree: Path, wheels: Path, script: str) -> None:
     """Run a script in a root file system, which has the project at /src and the wheels at /wheels."""
     (tree / "root" / "set-up.sh").write_text(f"set -eu\n{script}\n", encoding="utf-8")
-    nspawn = ["systemd-nspawn", "--quiet", "--register=no", "--keep-unit", f"--directory={tree}"]
     bound = [f"--bind-ro={wheels}:/wheels", f"--bind-ro={ROOT}:/src"]
     environment = ["--setenv=PIP_NO_INDEX=1", "--setenv=PIP_FIND_LINKS=/wheels", "--chdir=/src"]
-    checked(*nspawn, *bound, *environment, "--as-pid2", "/bin/bash", "/root/set-up.sh")
+    checked(*NSPAWN, f"--directory={tree}", *bound, *environment, "--as-pid2", "/bin/bash", "/root/set-up.sh")

@@ -14,7 +14,7 @@ import yaml
 from services.toolbox.settings import load
 from tests.deploy.helm import NAME, render
 from tests.deploy.kube import playable
-from tests.deploy.machine import make_root, make_wheels, require_containers
+from tests.deploy.machine import require_containers, root_archive, wheels
 from tests.deploy.podman import PYTHON, Podman
 from tests.deploy.units import DEPLOY, command
 
@@ -40,13 +40,11 @@ DEADLINE_S = 60
 @pytest.fixture(scope="module")
 def podman(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Podman]:
     require_containers()
-    folder = tmp_path_factory.mktemp("podman")
-    wheels = make_wheels(folder / "wheels", ",".join(filter(None, EXTRAS.values())))
     found = Podman()
     try:
-        found.run("import", "--quiet", make_root(folder / "root.tar"), PYTHON)
+        found.run("import", "--quiet", root_archive(tmp_path_factory), PYTHON)
         for target in (*EXTRAS, *PEERS):
-            found.build(target, wheels)
+            found.build(target, wheels(tmp_path_factory))
         yield found
     finally:
         found.close()

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.deploy import units
-from tests.deploy.machine import Machine, booted, make_root, make_wheels, require_containers, set_up
+from tests.deploy.machine import Machine, booted, make_root, require_containers, root_archive, set_up, wheels
 
 SERVICES = ("gateway", "monitor", "worldmodel", "space@distance", "space@cloud", "detector")
 SETTINGS = ("gateway", "monitor", "worldmodel", "space", "detector")
@@ -71,11 +71,10 @@ def settings(name: str) -> str:
 @pytest.fixture(scope="module")
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
     require_containers()
-    folder = tmp_path_factory.mktemp("machine")
-    wheels = make_wheels(folder / "wheels", EXTRAS)
-    tree = make_root(folder / "tree", "systemd-sysv", "dbus")
+    archive = root_archive(tmp_path_factory)
+    tree = make_root(tmp_path_factory.mktemp("machine") / "tree", archive, "systemd-sysv", "dbus")
     (tree / "root/fleet.yaml").write_text("robots: [r1]\n", encoding="utf-8")
-    set_up(tree, wheels, script())
+    set_up(tree, wheels(tmp_path_factory), script())
     for name in SETTINGS:
         (tree / f"etc/fleetsight/{name}.yaml").write_text(settings(name), encoding="utf-8")
     enrolment = (units.DEPLOY / "enrolment.yaml").read_text(encoding="utf-8").replace("central", "127.0.0.1")

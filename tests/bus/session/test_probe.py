@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from bus import BusSettings, open_bus
+from bus import BusSettings, open_bus, zenoh_bus
 from bus.session.probe import own_listeners, why_not_taken
 from tests.bus.certificates import certificate, make_certificates
 from tests.contract.conftest import free_endpoint
@@ -26,7 +26,10 @@ def test_who_scouts_for_anybody_does_not_find_itself() -> None:
     assert own_listeners(BusSettings(mode="peer", listen=["tcp/0.0.0.0:7447"], connect=[], scouting=True)) == []
 
 
-async def test_a_router_takes_a_link_while_it_listens(caplog: pytest.LogCaptureFixture) -> None:
+async def test_a_router_takes_a_link_while_it_listens(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(zenoh_bus, "CLOSE_DEADLINE_S", 30.0)  # a busy machine closes late, and says so
     endpoint = free_endpoint()
     settings = BusSettings(mode="router", listen=[endpoint], shared_memory=False)
     async with open_bus(settings):
