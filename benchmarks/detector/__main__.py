@@ -15,7 +15,7 @@ overhead is from just before a frame is put on the bus (a gateway would have rec
 subscriber, less the model's call, at 5 Hz. That call is what the runtime computes alone: pre- and post-processing are
 overhead, whose stages (medians) are under `overhead_stages_ms`: `queue` before the model has time, `prepare` and
 `postprocess`, and as `bus` the rest, both ways over the bus and from thread to thread. Memory is the worker's after so
-many frames, less before them.
+many frames, and less what it was before them.
 """
 
 import asyncio
@@ -137,8 +137,13 @@ async def _alone(worker: Worker, pictures: Pictures, plan: Plan) -> dict[str, An
     await frames(worker.bus, pictures, frames=WARM_UP_FRAMES)
     before = worker.process.rss_bytes()
     await frames(worker.bus, pictures, frames=plan.frames)
-    grown = worker.process.rss_bytes() - before
-    return {**found, "rss_growth_mb": round(grown / 1e6, 2), "rss_frames": plan.frames}
+    after = worker.process.rss_bytes()
+    return {
+        **found,
+        "rss_mb": round(after / 1e6),
+        "rss_growth_mb": round((after - before) / 1e6, 2),
+        "rss_frames": plan.frames,
+    }
 
 
 if __name__ == "__main__":

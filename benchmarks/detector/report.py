@@ -56,5 +56,6 @@ def targets(found: Mapping[str, Any]) -> Targets:
         **at_least(found, "auto_fps", 1.3, "torch_fps"),
         **at_most(found, "overhead_p50_ms", 6),
         **at_most(found, "overhead_p99_ms", 25),
+        **at_most(found, "rss_mb", 600),
         **at_most(found, "rss_growth_mb", 20),
     }

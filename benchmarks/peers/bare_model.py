@@ -16,6 +16,7 @@ from typing import Any, Final
 from benchmarks.peers.answering import answer
 from benchmarks.peers.views import views
 from services.detector.runtime.loading import load
+from services.detector.runtime.offline import keep_offline
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 
 EXPORTED: Final = ("onnx", "openvino")
@@ -59,7 +60,7 @@ if __name__ == "__main__":
         settings = DetectorSettings.model_validate({"runtime": sys.argv[1], "device": "cpu", "cache": sys.argv[2]})
         detectors = load(settings, Path(made))
         detectors.close()
-        threads = __import__("torch").get_num_threads()
+        keep_offline(Path(made), download=False)
         options = {
             "imgsz": detectors.facts.longest,
             "conf": settings.confidence,
@@ -69,7 +70,7 @@ if __name__ == "__main__":
             "device": "cpu",
             "verbose": False,
         }
-        model = bare(detectors.facts.runtime, options, threads, Path(made))
+        model = bare(detectors.facts.runtime, options, settings.inference_threads, Path(made))
         images = views()
 
         def measure() -> dict[str, object]:
