@@ -8,7 +8,7 @@ REPEAT ?= 1
 JOBS ?= 4
 TAR = tar --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct)
 
-.PHONY: demo test lint types tests again ros postgresql chromium nginx containers prometheus helm screenshots bench fuzz dist clean help
+.PHONY: demo test lint types tests again ros postgresql chromium nginx containers prometheus helm screenshots bench fuzz dist bundle clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -73,6 +73,9 @@ dist: .venv/.dist  ## make what a release has: wheel, sdist, pins, units, images
 	@$(TAR) -C deploy/helm -czf dist/fleetsight-$$(sed -n 's/^version: //p' deploy/helm/fleetsight/Chart.yaml).tgz fleetsight
 	@$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --short-PURLs --output-reproducible -o dist/sbom.cdx.json constraints.txt
 	@cd dist && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
+
+bundle: .venv/.dist  ## make a folder that runs the gateway beside any Python, as an archive in dist/ (EXTRAS=pki,distance,cloud)
+	@PYTHON=$(BIN)/python deploy/bundle.sh $(EXTRAS)
 
 clean:  ## remove the virtual environment and caches
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
