@@ -65,13 +65,14 @@ bench: .venv/.bench ros  ## run every benchmark and draw what docs show (BENCHMA
 fuzz: .venv/.test  ## feed a million spoilt inputs to every parser (INPUTS=10000000 for more)
 	@$(BIN)/python -m tests.fuzz --inputs $(or $(INPUTS),1000000)
 
-dist: .venv/.dist  ## make what a release has: wheel, sdist, pins, units, images' files, chart, SBOM, checksums, in dist/
+dist: .venv/.test  ## make what a release has: wheel, sdist, pins, units, images' files and list, chart, SBOMs, notes, checksums, in dist/
 	@rm -rf dist && mkdir dist
 	@$(BIN)/python -m hatchling build -d dist 2>&1 | sed 's/^/[dist] /'
 	@cp constraints.txt CHANGELOG.md dist/
 	@$(TAR) -czf dist/deploy.tar.gz deploy
 	@$(TAR) -C deploy/helm -czf dist/fleetsight-$$(sed -n 's/^version: //p' deploy/helm/fleetsight/Chart.yaml).tgz fleetsight
 	@$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --short-PURLs --output-reproducible -o dist/sbom.cdx.json constraints.txt
+	@$(BIN)/python deploy/release.py dist
 	@cd dist && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
 
 bundle: .venv/.dist  ## make a folder that runs the gateway beside any Python, as an archive in dist/ (EXTRAS=pki,distance,cloud)
