@@ -6,7 +6,8 @@
 # makes FOLDER/fleetsight-gateway-VERSION-ARCHITECTURE.tar.gz, in dist unless said. EXTRAS: pki, or such as
 # pki,distance,cloud. In it are Debian 12's Python, the shared libraries that it and the wheels need, Debian's C library
 # among them, and fleetsight with all that it imports. Needs a machine of the architecture that the bundle is for,
-# mmdebstrap and debian-archive-keyring, and a Python with pip: the checkout's .venv, or $PYTHON. Root is not needed.
+# mmdebstrap and debian-archive-keyring, and a Python with pip and hatchling: the checkout's .venv, or $PYTHON. Needs no
+# root.
 set -euo pipefail
 umask 022
 source=$(cd "$(dirname "$0")/.." && pwd)
@@ -23,7 +24,7 @@ fail() { printf '[bundle] %s\n' "$*" >&2; exit 1; }
 
 [[ $extras =~ ^[a-z]+(,[a-z]+)*$ ]] || fail "extras $extras: expected names such as pki,distance,cloud"
 command -v mmdebstrap >/dev/null || fail "mmdebstrap is missing; apt-get install mmdebstrap"
-"$python" -m pip --version >/dev/null || fail "$python has no pip; run make .venv/.dist, or set PYTHON to one that has"
+"$python" -c 'import hatchling, pip' 2>/dev/null || fail "$python has no pip or no hatchling: run make .venv/.dist, or set PYTHON"
 stamp=$(git -C "$source" log -1 --format=%ct 2>/dev/null || echo 0)
 
 say "Debian's packages"
@@ -82,7 +83,7 @@ for each in "$home"/lib/python3.11/lib-dynload/*.so; do copy_libraries "$each"; 
 
 say "fleetsight[$extras]"
 export PIP_DISABLE_PIP_VERSION_CHECK=1
-"$python" -m pip wheel --quiet --no-deps --wheel-dir "$work" "$source"
+"$python" -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir "$work" "$source"
 wheel=$(echo "$work"/fleetsight-*.whl)
 "$python" -m pip --python "$home/bin/python3" install --quiet --no-compile --only-binary :all: --target "$site" \
     --constraint "$source/constraints.txt" "$wheel[$extras]"

@@ -1,8 +1,7 @@
 """Records what this release writes, for later ones to be tried with: `python -m tests.releases.record`.
 
 Makes tests/releases/VERSION with a message of every type, the schema by which this release reads messages, and a
-history of either database as SQL. What was recorded of a release stays as it is: it is not recorded
-twice, unless it is not released yet.
+history of either database as SQL. Once a version is released, its record stays as it is.
 """
 
 import asyncio
