@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Make a folder that runs fleetsight on any Linux with a shell, whatever Python and C library are there, as an archive:
+# Make a folder that runs fleetsight on a Linux with a shell, whatever Python and C library are there, as an archive:
 #
 #   deploy/bundle.sh [EXTRAS [FOLDER]]
 #
