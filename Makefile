@@ -7,6 +7,7 @@ BENCHMARKS ?=
 REPEAT ?= 1
 JOBS ?= 4
 TAR = tar --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct)
+SUMS = cd dist && rm -f SHA256SUMS && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
 
 .PHONY: demo test lint types tests again ros postgresql chromium nginx containers prometheus helm screenshots bench fuzz dist bundle clean help
 
@@ -73,10 +74,11 @@ dist: .venv/.test  ## make what a release has: wheel, sdist, pins, units, images
 	@$(TAR) -C deploy/helm -czf dist/fleetsight-$$(sed -n 's/^version: //p' deploy/helm/fleetsight/Chart.yaml).tgz fleetsight
 	@$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --short-PURLs --output-reproducible -o dist/sbom.cdx.json constraints.txt
 	@$(BIN)/python deploy/release.py dist
-	@cd dist && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
+	@$(SUMS)
 
 bundle: .venv/.dist  ## make a folder that runs the gateway beside any Python, as an archive in dist/ (EXTRAS=pki,distance,cloud)
 	@PYTHON=$(BIN)/python deploy/bundle.sh $(EXTRAS)
+	@$(SUMS)
 
 clean:  ## remove the virtual environment and caches
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

@@ -1,7 +1,7 @@
 """Records what this release writes, for later ones to be tried with: `python -m tests.releases.record`.
 
 Makes tests/releases/VERSION with a message of every type, the schema by which this release reads messages, and a
-history of either database as SQL. Once a version is released, its record stays as it is.
+history of either database as SQL, and a world model's state. Once a version is released, its record stays as it is.
 """
 
 import asyncio
@@ -25,9 +25,12 @@ from services.monitor.history.store import Store
 from services.monitor.web.auth.passwords import Passwords
 from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.auth.users import Role, User
+from services.worldmodel.model import SiteModel
+from services.worldmodel.state import saved
 from tests.schemas.test_codec import MESSAGES
 from tests.services.monitor.history.support.filling import STATEMENTS, fill
 from tests.services.monitor.history.support.postgresql import PostgreSQL, running_postgresql
+from tests.services.worldmodel.scene import Camera, Thing, watch
 
 FOLDER: Final = Path(__file__).parent
 ROWS: Final = 3
@@ -36,6 +39,17 @@ ROWS: Final = 3
 FROM_S, UNTIL_S = 1_764_000_000, 1_764_100_000
 USER: Final = "ann"
 PASSWORD: Final = "warehouse seven lights"  # noqa: S105 - of nobody
+
+
+SITE: Final = "hall"
+THINGS: Final = (Thing(4.0, 0.0), Thing(4.5, 1.5, (1.2, 0.8, 0.14), name="pallet"))
+
+
+def world_state() -> bytes:
+    """Return the state of a model that has seen some things."""
+    model = SiteModel()
+    watch(model, THINGS, [Camera(robot="r1"), Camera(0.5, 0.5, robot="r2")], 1.0, 8)
+    return saved(SITE, "a1", 7, model)
 
 
 async def make_history(url: str) -> None:
@@ -117,6 +131,7 @@ def main() -> None:
     (made / "messages.schema.json").write_text(json.dumps(json_schema(), sort_keys=True) + "\n", encoding="utf-8")
     (made / "history.sqlite.sql").write_text(sqlite_text(), encoding="utf-8")
     (made / "history.postgresql.sql").write_text(postgresql_text(), encoding="utf-8")
+    (made / "world.state").write_bytes(world_state())
     made.rename(folder)
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import jsonschema
+import msgspec
 import pytest
 from sqlalchemy import Connection, inspect
 
@@ -25,20 +26,26 @@ from services.monitor.history.opening import connect
 from services.monitor.history.settings import ExportSettings
 from services.monitor.web.auth.passwords import Passwords
 from services.monitor.web.auth.store import UserStore, users_url
+from services.worldmodel.model import SiteModel
+from services.worldmodel.state import restored
 from tests.releases.record import (
     FOLDER,
     PASSWORD,
     ROWS,
+    SITE,
+    THINGS,
     USER,
     load_postgresql,
     load_sqlite,
     plain,
+    world_state,
 )
 from tests.schemas.test_codec import MESSAGES
 from tests.services.monitor.history.support.filling import STATEMENTS
 from tests.services.monitor.history.support.postgresql import PostgreSQL
 from tests.services.monitor.history.test_store import every, interval, opened
 from tests.services.monitor.inventory.seeing import S
+from tests.services.worldmodel.scene import Camera, known, watch
 
 RELEASES: Final = sorted(path.parent for path in FOLDER.glob("*/messages.json"))
 SCHEMAS: Final = {schema.__name__: schema for schema in codec.MAX_BYTES}
@@ -214,3 +221,22 @@ class TestHistory:
         assert STATEMENTS.keys() < theirs.keys()
         for today in (await tables(history), await tables(empty)):  # an upgraded one, and one that was made today
             assert {name: today.get(name) for name in theirs} == theirs
+
+
+@pytest.mark.parametrize("release", RELEASES, ids=lambda release: release.name)
+class TestWorld:
+    def test_a_model_goes_on_from_what_it_kept(self, release: Path) -> None:
+        model = SiteModel()
+        assert restored(SITE, (release / "world.state").read_bytes(), model) == ("a1", 7)
+        found = known(model)
+        assert [each.name for each in found] == [each.name for each in THINGS]
+        for thing, each in zip(THINGS, found, strict=True):
+            assert (each.x, each.y) == pytest.approx((thing.x, thing.y), abs=0.2)
+        assert watch(model, THINGS, [Camera(robot="r1")], 6.0, 4) == []  # nothing appeared, moved or is gone
+
+    def test_going_back_the_state_has_all_that_was_in_it(self, release: Path) -> None:
+        before, now = map(msgspec.msgpack.decode, ((release / "world.state").read_bytes(), world_state()))
+        assert (now.keys() >= before.keys(), now["version"]) == (True, before["version"])
+        assert {name: now["columns"][name][0] for name in before["columns"]} == {
+            name: kind for name, (kind, _) in before["columns"].items()
+        }
