@@ -9,8 +9,9 @@ JOBS ?= 4
 # Python keeps what it compiled, whatever the shell says: the tests start hundreds of processes.
 export PYTHONDONTWRITEBYTECODE =
 TAR = tar --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct)
+SUMS = cd dist && rm -f SHA256SUMS && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
 
-.PHONY: demo test intended lint types compiled tests again ros postgresql chromium nginx containers prometheus helm custom-kinds screenshots bench fuzz dist clean help
+.PHONY: demo test intended lint types compiled tests again ros postgresql chromium nginx containers prometheus helm custom-kinds screenshots bench fuzz dist bundle clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -80,14 +81,19 @@ bench: .venv/.bench ros  ## run every benchmark and draw what docs show (BENCHMA
 fuzz: .venv/.test  ## feed a million spoilt inputs to every parser (INPUTS=10000000 for more)
 	@$(BIN)/python -m tests.fuzz --inputs $(or $(INPUTS),1000000)
 
-dist: .venv/.dist  ## make what a release has: wheel, sdist, pins, units, images' files, chart, SBOM, checksums, in dist/
+dist: .venv/.test  ## make what a release has: wheel, sdist, pins, units, images' files and list, chart, SBOMs, notes, checksums, in dist/
 	@rm -rf dist && mkdir dist
 	@$(BIN)/python -m hatchling build -d dist 2>&1 | sed 's/^/[dist] /'
 	@cp constraints.txt CHANGELOG.md dist/
 	@$(TAR) -czf dist/deploy.tar.gz deploy
 	@$(TAR) -C deploy/helm -czf dist/fleetsight-$$(sed -n 's/^version: //p' deploy/helm/fleetsight/Chart.yaml).tgz fleetsight
 	@$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --short-PURLs --output-reproducible -o dist/sbom.cdx.json constraints.txt
-	@cd dist && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
+	@$(BIN)/python deploy/release.py dist
+	@$(SUMS)
+
+bundle: .venv/.dist  ## make a folder that runs the gateway beside any Python, as an archive in dist/ (EXTRAS=pki,distance,cloud)
+	@PYTHON=$(BIN)/python deploy/bundle.sh $(EXTRAS)
+	@$(SUMS)
 
 clean:  ## remove the virtual environment and caches
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -22,7 +23,7 @@ def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if not (clone / ".git").exists():  # `make dist` dates what it packs by the last commit
         run("git", "init", "--quiet", folder=clone)
         run("git", *AUTHOR, "commit", "--quiet", "--allow-empty", "--message", "release", folder=clone)
-    run("make", "dist", folder=clone)
+    run("make", "dist", "--old-file=.venv/.test", f"BIN={Path(sys.executable).parent}", folder=clone)
     return clone / "dist"
 
 
@@ -42,7 +43,7 @@ def run(*command: str, folder: Path | None = None) -> str:
 @pytest.mark.timeout(600)
 def test_everything_is_there_and_whole(dist: Path) -> None:
     names = {each.name for each in dist.iterdir()}
-    assert {"constraints.txt", "CHANGELOG.md", "deploy.tar.gz", "sbom.cdx.json", "SHA256SUMS"} < names
+    assert {"constraints.txt", "CHANGELOG.md", "NOTES.md", "deploy.tar.gz", "sbom.cdx.json", "SHA256SUMS"} < names
     assert {each.suffix for each in dist.glob("fleetsight-*")} == {".whl", ".gz", ".tgz"}
     run("sha256sum", "--check", "--strict", "SHA256SUMS", folder=dist)
     assert len((dist / "SHA256SUMS").read_text().splitlines()) == len(names) - 1
@@ -72,6 +73,50 @@ def test_the_bill_of_materials_names_the_pinned_packages(dist: Path) -> None:
 
 
 @pytest.mark.timeout(600)
+def test_each_image_has_a_bill_of_materials_of_what_it_has_and_no_more(dist: Path) -> None:
+    told = json.loads((dist / "images.json").read_text())
+    bills = {each["target"]: each["sbom"] for each in told["images"]}
+    assert set(dist.glob("sbom-*")) == {dist / bill for bill in bills.values() if bill}
+    assert (bills["postgresql"], bills["prometheus"]) == (None, None)
+    found = {target: packages(dist / bill) for target, bill in bills.items() if bill}
+    assert set(found) == {"gateway", "space", "monitor", "detector", "detector-cpu", "simulator"}
+    everywhere = {"eclipse-zenoh", "msgspec", "numpy"}
+    assert all(everywhere <= set(has) and "setuptools" not in has for has in found.values())
+    for name, targets in {
+        "cryptography": {"gateway", "monitor"},
+        "nicegui": {"monitor"},
+        "rosbags": {"simulator"},
+        "lapx": {"space", "detector", "detector-cpu"},
+        "torch": {"detector"},
+        "onnxruntime": {"detector-cpu"},
+        "pytest": set(),
+    }.items():
+        assert {target for target, has in found.items() if name in has} == targets, name
+
+
+@pytest.mark.timeout(600)
+def test_the_list_of_images_is_the_documentations(dist: Path) -> None:
+    told = json.loads((dist / "images.json").read_text())
+    page = (ROOT / "docs" / "containers.md").read_text(encoding="utf-8")
+    table = page[page.index("| target |") : page.index("Sizes are of")]
+    rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    assert {each["target"] for each in told["images"]} == set(re.findall(r"`([a-z-]+)`", " ".join(rows)))
+
+
+@pytest.mark.timeout(600)
+def test_the_notes_are_this_versions(dist: Path) -> None:
+    (wheel,) = dist.glob("*.whl")
+    notes = (dist / "NOTES.md").read_text(encoding="utf-8")
+    assert notes.startswith(f"# fleetsight {wheel.name.split('-')[1]}")
+    assert "### Added" in notes
+
+
+def packages(bill: Path) -> dict[str, str]:
+    """Return the versions in a bill of materials, by name."""
+    return {each["name"]: each["version"] for each in json.loads(bill.read_text())["components"]}
+
+
+@pytest.mark.timeout(600)
 def test_the_wheel_installs_and_starts_without_a_checkout(dist: Path, tmp_path: Path) -> None:
     (wheel,) = dist.glob("*.whl")
     run(sys.executable, "-m", "venv", str(tmp_path / "venv"))
@@ -79,5 +124,5 @@ def test_the_wheel_installs_and_starts_without_a_checkout(dist: Path, tmp_path: 
     run(python, "-m", "pip", "install", "--quiet", "--constraint", str(dist / "constraints.txt"), str(wheel))
     assert run(str(tmp_path / "venv/bin/fleetsight"), "--version", folder=tmp_path).startswith("fleetsight ")
     listed = run(python, "-m", "zipfile", "--list", str(wheel))
-    assert "services/detector/weights/warehouse-n-seg.pt" in listed
+    assert all(f"services/detector/weights/warehouse-n-seg.{form}" in listed for form in ("pt", "onnx"))
     assert "tests/" not in listed

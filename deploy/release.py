@@ -1,0 +1,153 @@
+"""What a release says of itself: `python deploy/release.py dist`, which `make dist` runs.
+
+Writes into the folder: NOTES.md, this version's part of CHANGELOG.md; images.json, the Containerfile's targets; and
+sbom-TARGET.cdx.json, a bill of materials (CycloneDX) of each image with fleetsight in it.
+"""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any, Final
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT: Final = Path(__file__).parents[1]
+UNRELEASED: Final = "Unreleased"
+UNINSTALLED: Final = ("setuptools",)
+"""What images are rid of though packages ask for it."""
+
+
+def notes(changelog: str, version: str) -> str:
+    """Return the part of the changelog that is about a version, or about what follows the last one.
+
+    Raises:
+        ValueError: there is neither.
+    """
+    parts = {
+        heading.strip("[] ").partition("]")[0].partition(" ")[0]: (heading, text.strip())
+        for heading, text in re.findall(r"^## (.+?)$(.*?)(?=^## |\Z)", changelog, re.MULTILINE | re.DOTALL)
+    }
+    if version in parts:
+        heading, text = parts[version]
+        return f"# fleetsight {heading}\n\n{text}\n"
+    if UNRELEASED in parts:
+        return f"# fleetsight {version}, not released yet\n\n{parts[UNRELEASED][1]}\n"
+    raise ValueError(f"CHANGELOG.md has no part that begins with '## {version}' or '## {UNRELEASED}': add one")
+
+
+def images(containerfile: str) -> dict[str, list[str] | None]:
+    """Return the extras that each target installs, by target; None of those without fleetsight."""
+    stages = {
+        name: (base, text)
+        for base, name, text in re.findall(
+            r"^FROM (\S+) AS (\S+)$(.*?)(?=^FROM |\Z)", containerfile, re.MULTILINE | re.DOTALL
+        )
+    }
+    extras = {
+        name.removeprefix("build-"): found[1].split(",")
+        for name, (base, text) in stages.items()
+        if base == "build" and (found := re.search(r'/install\.sh "\[([a-z,-]+)\]"', text))
+    }
+    return {name: extras.get(name) for name, (_, text) in stages.items() if re.search(r"^CMD ", text, re.MULTILINE)}
+
+
+def needed(extras: Iterable[str]) -> dict[str, str]:
+    """Return the versions of what fleetsight with some extras needs, as this environment has it, by canonical name.
+
+    Raises:
+        ValueError: something of it is not installed.
+    """
+    todo = [Requirement(f"fleetsight[{','.join(extras)}]")]
+    seen: set[tuple[str, str]] = set()
+    while todo:
+        wanted = todo.pop()
+        name = canonicalize_name(wanted.name)
+        for extra in {"", *wanted.extras} - {extra for other, extra in seen if other == name}:
+            seen.add((name, extra))
+            todo += _requirements(name, extra)
+    names = sorted({name for name, _ in seen}.difference(("fleetsight", *UNINSTALLED)))
+    return {name: distribution(name).version for name in names}
+
+
+def _requirements(name: str, extra: str) -> Iterator[Requirement]:
+    try:
+        asked = distribution(name).requires or ()
+    except PackageNotFoundError as error:
+        raise ValueError(f"{name} is not installed: run make .venv/.test") from error
+    for each in map(Requirement, asked):
+        if each.marker is None or each.marker.evaluate({"extra": extra}):
+            yield each
+
+
+def check_pins(constraints: str, packages: Mapping[str, str]) -> None:
+    """Check that the versions of packages are those that are tested together.
+
+    Raises:
+        ValueError: a package has another one, or no pin.
+    """
+    pins = (line.partition("==") for line in constraints.splitlines() if "==" in line)
+    pinned: dict[str, str] = {canonicalize_name(name): version.strip() for name, _, version in pins}
+    for name, version in packages.items():
+        if name not in pinned:
+            raise ValueError(
+                f"constraints.txt has no pin of {name}, which an image has: add {name}=={version}, test it"
+            )
+        if version.partition("+")[0] != pinned[name]:
+            raise ValueError(f"{name} {version} is installed, {pinned[name]} pinned: run make .venv/.test")
+
+
+def bill_of_materials(target: Path, packages: Mapping[str, str]) -> None:
+    """Write a CycloneDX file of packages and their versions."""
+    command = ("cyclonedx_py", "requirements", "--pyproject", str(ROOT / "pyproject.toml"), "--short-PURLs")
+    pins = "".join(f"{name}=={version}\n" for name, version in packages.items())
+    _output(sys.executable, "-m", *command, "--output-reproducible", "-o", str(target), "-", given=pins)
+
+
+def built(image: str) -> Mapping[str, Any] | None:
+    """Return the size and the age of an image on this machine; None where none is, or no podman and no Docker."""
+    for program in filter(shutil.which, ("podman", "docker")):
+        told = subprocess.run((program, "image", "inspect", image), capture_output=True, text=True, check=False)  # noqa: S603 - a name of ours
+        if told.returncode == 0:
+            (found,) = json.loads(told.stdout)
+            return {"bytes": found["Size"], "id": found["Id"].removeprefix("sha256:"), "created": found["Created"]}
+    return None
+
+
+def _output(*command: str, given: str = "") -> str:
+    ended = subprocess.run(command, input=given, capture_output=True, text=True, check=False)  # noqa: S603 - made here
+    if ended.returncode:
+        raise RuntimeError(f"{' '.join(command)}: {ended.stderr.strip()}")
+    return ended.stdout
+
+
+def main(folder: Path) -> None:
+    """Write all of it into a folder."""
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    told = notes((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), version)
+    (folder / "NOTES.md").write_text(told, encoding="utf-8")
+    found = images((ROOT / "deploy" / "Containerfile").read_text(encoding="utf-8"))
+    listed = []
+    for target, extras in found.items():
+        image, bill = f"localhost/fleetsight-{target}", f"sbom-{target}.cdx.json"
+        if extras:
+            packages = needed(extras)
+            check_pins((ROOT / "constraints.txt").read_text(encoding="utf-8"), packages)
+            bill_of_materials(folder / bill, packages)
+        listed.append(
+            {"target": target, "image": image, "extras": extras, "sbom": extras and bill, "built": built(image)}
+        )
+    (folder / "images.json").write_text(json.dumps({"version": version, "images": listed}, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    try:
+        main(Path(sys.argv[1]))
+    except (RuntimeError, ValueError) as error:
+        sys.exit(f"release: {error}")

@@ -1,0 +1,167 @@
+"""The bundle for robots with an old Python, in a system of Debian 11's packages: glibc 2.31, systemd, no Python."""
+
+import shutil
+import subprocess
+import sys
+import tarfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from fleetsight.own_packages import ALL
+from tests.deploy.machine import ROOT, Machine, booted, checked, require_containers
+from tests.fleetsight.workspaces import decoys
+
+pytestmark = pytest.mark.timeout(600)  # the bundle and a system are made first
+
+OLD_DEBIAN: Final = "bullseye"
+IN_IT: Final = "systemd-sysv,dbus,dash,bash,coreutils,passwd,util-linux,base-passwd,libc-bin,libpam-runtime,login"
+HOME: Final = "/opt/fleetsight"
+PROGRAM: Final = f"{HOME}/bin/fleetsight"
+WORKSPACE: Final = "/opt/ros"
+SOURCED: Final = f"PYTHONPATH={WORKSPACE} PYTHONHOME={WORKSPACE} LD_LIBRARY_PATH={WORKSPACE}/lib LANG=en_US.UTF-8"
+OF_ITS_OWN: Final = ("libz.so.1", "libm.so.6", "libexpat.so.1", "libstdc++.so.6", "libssl.so.3", "libffi.so.8")
+
+SEE: Final = """
+import asyncio
+from bus import LATEST, BusSettings, open_bus
+from schemas import codec
+from schemas.image import ImageFrame
+
+async def main():
+    async with (
+        open_bus(BusSettings(mode="router", listen=["tcp/127.0.0.1:7457"])) as bus,
+        bus.subscribe("fleet/r1/camera/color", LATEST) as images,
+    ):
+        async for sample in images:
+            image = codec.decode(ImageFrame, sample.payload, sample.encoding)
+            return print(image.header.robot, image.width, image.height, flush=True)
+
+asyncio.run(main())
+"""
+"""Embeds a router, as the monitor does, and prints the robot and the size of an image that came."""
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    require_containers()
+    folder = tmp_path_factory.mktemp("bundle")
+    checked("env", f"PYTHON={sys.executable}", f"TMPDIR={folder}", ROOT / "deploy/bundle.sh", "pki", folder)
+    (made,) = folder.glob("fleetsight-gateway-*.tar.gz")
+    return made
+
+
+@pytest.fixture(scope="module")
+def machine(bundle: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
+    """The bundle where its unit expects it, in a system whose packages are unpacked, which is enough."""
+    tree = tmp_path_factory.mktemp("machine") / "tree"
+    checked("mmdebstrap", "--quiet", "--variant=extract", f"--include={IN_IT}", OLD_DEBIAN, tree)
+    for name in ("passwd", "group"):
+        shutil.copy(tree / f"usr/share/base-passwd/{name}.master", tree / "etc" / name)
+    for user in ("messagebus", "fleetsight"):
+        checked("chroot", tree, "useradd", "--system", "--no-create-home", "--shell", "/usr/sbin/nologin", user)
+    (tree / "etc/hosts").write_text("127.0.0.1 localhost\n127.0.0.1 central\n", encoding="utf-8")
+    (tree / "opt").mkdir(exist_ok=True)
+    checked("tar", "-xzf", bundle, "-C", tree / "opt")
+    source(tree / WORKSPACE[1:])
+    settings = tree / "etc/fleetsight/gateway.yaml"
+    settings.parent.mkdir()
+    example = (tree / HOME[1:] / "deploy/gateway.yaml").read_text(encoding="utf-8")
+    settings.write_text(example.replace("tcp/central:7447", "tcp/central:7457"), encoding="utf-8")
+    units = tree / "etc/systemd/system"
+    shutil.copy(tree / HOME[1:] / "deploy/fleetsight-gateway.service", units)
+    (units / "fleetsight-gateway.service.d").mkdir()
+    (units / "fleetsight-gateway.service.d/sourced.conf").write_text(f"[Service]\nEnvironment={SOURCED}\n")
+    checked("systemctl", f"--root={tree}", "--quiet", "mask", "systemd-networkd-wait-online.service")
+    with booted(tree) as started:
+        yield started
+
+
+def source(workspace: Path) -> None:
+    """Make a ROS workspace for another Python and another C library, in which whatever is loaded fails."""
+    decoys(workspace, (*ALL, "numpy", "encodings", "sitecustomize", "fleetsight"))
+    (workspace / "lib").mkdir()
+    for name in OF_ITS_OWN:
+        (workspace / "lib" / name).write_text("no library", encoding="utf-8")
+
+
+def sourced(machine: Machine, *command: str, check: bool = True) -> str:
+    """Return the output of a command that the service's user runs in a shell with the workspace."""
+    user = ("setpriv", "--reuid=fleetsight", "--regid=fleetsight", "--clear-groups")
+    return machine.run(*user, "env", *SOURCED.split(), *command, check=check)
+
+
+def outside(machine: Machine, *arguments: str, stdout: int) -> "subprocess.Popen[str]":
+    """Start a Python of the tests' own in the network of the machine."""
+    in_its_network = [*machine._enter[:2], "--net", sys.executable]
+    return subprocess.Popen([*in_its_network, *arguments], stdout=stdout, text=True, cwd=ROOT)
+
+
+def test_it_has_no_installer_and_the_licences_of_all_that_is_debians(bundle: Path) -> None:
+    with tarfile.open(bundle) as archive:
+        names = set(archive.getnames())
+        listed = archive.extractfile("fleetsight/licences/packages.txt")
+        assert listed is not None
+        packages = [line.split()[0] for line in listed.read().decode().splitlines()]
+        assert {member.uid for member in archive.getmembers()} == {0}
+    assert {name.split("/")[0] for name in names} == {"fleetsight"}
+    assert {"libc6", "libstdc++6", "libssl3", "python3.11-minimal"} <= set(packages)
+    assert {f"fleetsight/licences/{each}" for each in packages} <= names
+    assert not [name for name in names if "/dist-packages/pip" in name or "/dist-packages/setuptools" in name]
+
+
+def test_the_machine_has_no_python_and_a_c_library_that_is_too_old(machine: Machine) -> None:
+    assert machine.run("sh", "-c", "ls /usr/bin/python* /usr/local/bin/python*", check=False) == ""
+    assert machine.run("getconf", "GNU_LIBC_VERSION") == "glibc 2.31\n"
+    assert machine.run(f"{HOME}/lib/python", "--version", check=False) == ""
+
+
+def test_it_runs_in_a_sourced_workspace_from_any_folder_and_by_a_link(machine: Machine) -> None:
+    version = f"fleetsight {_version()}\n"
+    assert sourced(machine, PROGRAM, "--version") == version
+    machine.run("cp", "-a", HOME, "/srv/another place")
+    machine.run("ln", "-s", "/srv/another place/bin/fleetsight", "/usr/bin/fleetsight")
+    assert sourced(machine, "fleetsight", "--version") == version
+
+
+def test_its_python_starts_itself_and_finds_what_the_robot_says(machine: Machine) -> None:
+    script = (
+        "import socket, subprocess, sys; "
+        "print(socket.gethostbyname('central'), sys.prefix, sys.getfilesystemencoding()); "
+        "subprocess.run([sys.executable, '-c', 'import ssl, sqlite3, ctypes, numpy, zenoh; print(numpy.arange(3))'])"
+    )
+    assert sourced(machine, f"{HOME}/bin/python3", "-uc", script) == f"127.0.0.1 {HOME} utf-8\n[0 1 2]\n"
+
+
+def test_nothing_of_the_machines_libraries_is_loaded(machine: Machine) -> None:
+    script = "import ssl, numpy, zenoh; print(*{line.split()[-1] for line in open('/proc/self/maps') if '.so' in line})"
+    loaded = sourced(machine, f"{HOME}/bin/python3", "-c", script).split()
+    assert f"{HOME}/lib/libc.so.6" in loaded
+    assert [path for path in loaded if not path.startswith(f"{HOME}/")] == []
+
+
+def test_its_unit_forwards_a_robots_images_and_ends_in_order(machine: Machine) -> None:
+    unit = "fleetsight-gateway"
+    machine.until(lambda: machine.show(unit, "ActiveState") == "active", "the gateway runs")
+    simulator = outside(machine, "-m", "services.toolbox", "simulate", "--streams", "color", stdout=subprocess.DEVNULL)
+    with simulator, outside(machine, "-c", SEE, stdout=subprocess.PIPE) as seeing:
+        try:
+            assert seeing.communicate(timeout=120)[0] == "r1 640 480\n"
+            healthy = sourced(machine, PROGRAM, "doctor", "--config", "/etc/fleetsight/gateway.yaml", check=False)
+            assert "camera/color" in healthy
+        finally:
+            simulator.terminate()
+            seeing.kill()
+    machine.run("systemctl", "stop", unit)
+    assert (machine.show(unit, "ActiveState"), machine.show(unit, "Result")) == ("inactive", "success")
+    assert machine.show(unit, "ExecMainStatus") == "0"
+    assert "decoy" not in machine.log(unit)
+
+
+def _version() -> str:
+    """Return the version that the checkout has."""
+    lines = (ROOT / "pyproject.toml").read_text(encoding="utf-8").splitlines()
+    (line,) = (line for line in lines if line.startswith("version = "))
+    return line.split('"')[1]

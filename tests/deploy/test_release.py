@@ -1,0 +1,127 @@
+"""What a release says of itself: its notes, its images, and the packages in them."""
+
+import subprocess
+from collections.abc import Callable, Iterator
+from importlib.metadata import version
+
+import pytest
+from packaging.requirements import Requirement
+
+from deploy import release
+from deploy.release import built, check_pins, images, needed, notes
+from tests.deploy.machine import checked, require_containers
+from tests.deploy.podman import Podman
+
+CHANGELOG = """# Changelog
+
+## Unreleased
+
+- later
+
+## [0.2.0] - 2026-12-01
+
+### Added
+
+- this
+
+## 0.1.0
+
+- earlier
+"""
+
+CONTAINERFILE = """ARG PYTHON=python
+FROM ${PYTHON} AS build
+RUN printf /install.sh
+FROM ${PYTHON} AS base
+FROM build AS build-detector-cpu
+RUN sh /install.sh "[detector-onnx]" && true
+FROM base AS detector-cpu
+COPY --from=build-detector-cpu /opt /opt
+CMD ["detector"]
+FROM debian AS prometheus
+CMD ["prometheus"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("version", "told"),
+    [
+        ("0.2.0", "# fleetsight [0.2.0] - 2026-12-01\n\n### Added\n\n- this\n"),
+        ("0.1.0", "# fleetsight 0.1.0\n\n- earlier\n"),
+        ("0.3.0", "# fleetsight 0.3.0, not released yet\n\n- later\n"),
+    ],
+)
+def test_notes_are_the_part_of_the_version(version: str, told: str) -> None:
+    assert notes(CHANGELOG, version) == told
+
+
+def test_a_version_that_the_changelog_does_not_know_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"no part that begins with '## 0\.2\.0'"):
+        notes("# Changelog\n\n## 0.2.0rc1\n\n- it\n", "0.2.0")
+
+
+def test_images_are_the_stages_that_run_something() -> None:
+    assert images(CONTAINERFILE) == {"detector-cpu": ["detector-onnx"], "prometheus": None}
+
+
+def test_an_image_needs_what_its_extras_need_however_far_away() -> None:
+    monitor, gateway = needed(["monitor", "pki"]), needed(["pki"])
+    assert gateway.items() < monitor.items()
+    assert {"cryptography", "cffi", "pydantic-core", "msgspec"} <= gateway.keys()
+    assert {"sqlalchemy", "greenlet", "aiohttp"} <= monitor.keys() - gateway.keys()  # aiohttp: by an extra of an extra
+    assert not {"pytest", "torch", "fleetsight", "pip", "setuptools"} & monitor.keys()
+    assert monitor["msgspec"] == version("msgspec")
+
+
+def test_an_image_without_torch_has_none() -> None:
+    without = needed(["detector-onnx"]).keys()
+    assert {"onnxruntime", "lapx", "pillow"} <= without
+    assert not {"torch", "ultralytics-opencv-headless", "sympy"} & without
+
+
+def test_versions_that_are_not_pinned_or_others_than_pinned_are_told_with_the_cure() -> None:
+    check_pins("# pins\nPyYAML==6\ntorch==2.15.0\n", {"pyyaml": "6", "torch": "2.15.0+cpu"})
+    with pytest.raises(ValueError, match=r"no pin of aiohttp, which an image has: add aiohttp==3\.14\.5"):
+        check_pins("PyYAML==6\n", {"pyyaml": "6", "aiohttp": "3.14.5"})
+    with pytest.raises(ValueError, match=r"pyyaml 5 is installed, 6 pinned: run make \.venv/\.test"):
+        check_pins("PyYAML==6\n", {"pyyaml": "5"})
+
+
+def test_what_is_not_installed_is_told_with_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(release, "_requirements", only_what_is_not_there(release._requirements))
+    with pytest.raises(ValueError, match=r"nothing-of-this-name is not installed: run make \.venv/\.test"):
+        needed(["pki"])
+
+
+def only_what_is_not_there(
+    found: Callable[[str, str], Iterator[Requirement]],
+) -> Callable[[str, str], Iterator[Requirement]]:
+    """Return a function by which fleetsight needs a package that is not there, and others what they need."""
+    return lambda name, extra: (
+        iter([Requirement("nothing-of-this-name")]) if name == "fleetsight" else found(name, extra)
+    )
+
+
+@pytest.fixture
+def podman(monkeypatch: pytest.MonkeyPatch) -> Iterator[Podman]:
+    require_containers()
+    found = Podman()
+    for name in ("CONTAINERS_CONF", "CONTAINERS_STORAGE_CONF"):
+        monkeypatch.setenv(name, found._environment[name])
+    try:
+        yield found
+    finally:
+        found.close()
+
+
+@pytest.mark.timeout(120)
+def test_an_image_that_was_built_here_is_measured(podman: Podman, tmp_path: object) -> None:
+    assert built("localhost/fleetsight-gateway") is None
+    archive = f"{tmp_path}/root.tar"
+    checked("tar", "-cf", archive, "-C", "/usr/share", "base-files")
+    podman.run("import", "--quiet", archive, "localhost/fleetsight-gateway")
+    found = built("localhost/fleetsight-gateway")
+    assert found is not None
+    inspect = ("podman", "image", "inspect", "--format", "{{.Size}} {{.Id}}", "localhost/fleetsight-gateway")
+    size, identity = subprocess.run(inspect, capture_output=True, text=True, check=True).stdout.split()
+    assert (found["bytes"], found["id"]) == (int(size), identity)
