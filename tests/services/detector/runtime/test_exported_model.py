@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("shut_network")
 
 
 def found_by(model: Path, image: NDArray[np.uint8], folder: Path, **options: object) -> list[Detection]:
-    chosen = {"model": str(model), "cache": folder / "cache", "device": "cpu", **options}
+    chosen = {"model": str(model), "cache": folder / "of exports", "device": "cpu", **options}
     loaded = load(DetectorSettings.model_validate(chosen), folder / "ultralytics")
     try:
         (outcome,) = loaded.run([request(image, masks=True)])
@@ -73,7 +73,7 @@ def test_auto_chooses_among_what_is_installed(
     view: NDArray[np.uint8], expected: list[Detection], tmp_path: Path
 ) -> None:
     assert difference(found_by(SHIPPED_EXPORT, view, tmp_path), expected, 0.25) is None
-    (choice,) = (tmp_path / "cache").glob("choice-*")
+    (choice,) = (tmp_path / "of exports").glob("choice-*")
     assert choice.read_text() in ("onnx", "openvino")
 
 

@@ -66,7 +66,7 @@ def picture_for(architecture: str) -> NDArray[np.uint8]:
 
 
 def ours(file: Path, image: NDArray[np.uint8], folder: Path, *, masks: bool = False, **options: object) -> Rows:
-    chosen = {"runtime": "torch", "device": "cpu", "image_size": SIDE, "cache": folder / "cache", **options}
+    chosen = {"runtime": "torch", "device": "cpu", "image_size": SIDE, "cache": folder / "of heads", **options}
     model = load(DetectorSettings.model_validate({"model": str(file), **chosen}), folder / "ultralytics")
     try:
         (outcome,) = model.run([request(image, masks=masks)])
