@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import os
 import tempfile
@@ -68,6 +69,11 @@ def model_folder() -> Iterator[Path]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Bring the folders that take longest to the front; files and tests keep their order."""
     items.sort(key=lambda item: rank(item.path))
+
+
+def pytest_collection_finish() -> None:
+    """Keep the garbage collector from looking at 11,000 tests in each of its rounds: they stay until the end."""
+    gc.freeze()
 
 
 def rank(path: Path) -> int:

@@ -107,14 +107,14 @@ class Machine:
         """Return the messages of a unit."""
         return self.run("journalctl", "--no-pager", "--output=cat", f"--unit={unit}")
 
-    def until(self, holds: Callable[[], bool], what: str) -> None:
-        """Wait until something holds."""
+    def until(self, holds: Callable[[], bool], what: str, *, every_s: float = 0.2) -> None:
+        """Wait until something holds, which is looked at now and then."""
         end = time.monotonic() + DEADLINE_S
         while not holds():
             assert time.monotonic() < end, (
                 f"{what}: {self.run('systemctl', 'status', '--no-pager', 'fleetsight-*', check=False)}"
             )
-            time.sleep(0.2)
+            time.sleep(every_s)
 
 
 @contextmanager

@@ -188,6 +188,7 @@ async def test_the_inventory_is_what_is_in_the_warehouse_by_class_and_zone(site:
         (pallet,) = site.objects("pallet")
         assert [line.split(",")[:3] for line in text.splitlines()[1:]] == [[SITE, pallet.id, "pallet"]]
         await page.get_by_role("button", name="Whole site").click()
+        await expect(page.locator("[data-object]")).to_have_count(3)
         await page.locator(f"[data-stock='{SITE}/near/box']").get_by_role("button").click()
         near = site.objects()[0]
         await expect(page.locator("[data-object]")).to_have_attribute("data-object", near.id)
