@@ -16,7 +16,7 @@ SUMS = cd dist && rm -f SHA256SUMS && sha256sum * >SHA256SUMS && sed 's/^/[dist]
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
 
-demo: .venv/.all  ## run a simulated fleet and watch it (SECONDS=30 stops by itself, ROBOTS=3)
+demo: .venv/.demo  ## run a simulated fleet and watch it (SECONDS=30 stops by itself, ROBOTS=3)
 	@exec $(BIN)/fleetsight demo --robots $(ROBOTS) $(if $(SECONDS),--seconds $(SECONDS))
 
 test: intended .venv/.test ros postgresql chromium nginx containers prometheus helm custom-kinds lint  ## install what the tests need and run every check

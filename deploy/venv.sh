@@ -76,7 +76,11 @@ scratch=$(mktemp -d "$PWD/.venv/setup.XXXXXX")
 trap 'rm -rf "$log" "$scratch"' EXIT
 # Relative, because pip takes what follows a space for another file.
 export PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1 TMPDIR=$scratch
-if ! with_progress "installing fleetsight[$extra] (PyTorch alone is some GB)" \
+case $extra in
+demo) size="under 1 GB" ;;
+*) size="PyTorch alone is some GB" ;;
+esac
+if ! with_progress "installing fleetsight[$extra] ($size)" \
     .venv/bin/python -m pip install --progress-bar off --editable ".[$extra]"; then
     tail -n 20 "$log" >&2
     fail "could not install fleetsight[$extra]"

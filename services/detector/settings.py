@@ -37,11 +37,11 @@ GPU: Final = Path("/dev/nvidiactl")
 
 
 def shipped_file(device: str | None, runtime: str | None) -> Path:
-    """Return the file of the shipped model: the exported one on a processor, where something installed can run it."""
-    wants_torch = runtime in ("torch", "tensorrt") or (device or ("cuda" if GPU.exists() else "cpu")) != "cpu"
-    can_run = any(find_spec(each) is not None for each in ("onnxruntime", "openvino"))
-    has_torch = find_spec("torch") is not None
-    return SHIPPED_MODEL if has_torch and (wants_torch or not can_run) else SHIPPED_EXPORT
+    """Return the file of the shipped model: the exported one on a processor, where ONNX Runtime can read it."""
+    on = (device or ("cuda" if GPU.exists() else "cpu")).strip().lower()
+    wants_torch = runtime in ("torch", "tensorrt") or on != "cpu"
+    can_read, has_torch = (find_spec(each) is not None for each in ("onnxruntime", "torch"))
+    return SHIPPED_MODEL if has_torch and (wants_torch or not can_read) else SHIPPED_EXPORT
 
 
 def shipped_path(model: str) -> str:
@@ -263,7 +263,8 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
 
     @model_validator(mode="after")
     def _shipped_in_one_form(self) -> Self:
-        if self.model == SHIPPED and not Path(SHIPPED).exists():
+        given = "model" in self.model_fields_set
+        if self.model == SHIPPED and not (given and Path(SHIPPED).exists()):
             self.model = str(shipped_file(self.device, self.runtime))
         return self
 

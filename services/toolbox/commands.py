@@ -37,7 +37,7 @@ COMMANDS: Final = (
         "services.detector.settings:DetectorSettings",
         "services.detector.process:run",
         refusals=("bus:BusError", "services.detector.model:ModelError"),
-        extra="detector",
+        extra="detector-onnx",
         examples=(
             "fleetsight detector --connect tcp/central:7447",
             "fleetsight detector --model my-seg.pt --robots r1 --device cuda:0",
@@ -89,7 +89,7 @@ COMMANDS: Final = (
         "services.toolbox.detect.settings:DetectSettings",
         "services.toolbox.detect.process:run",
         refusals=("bus:BusError", "services.detector.model:ModelError"),
-        extra="detector",
+        extra="detector-onnx",
         positional=("image",),
         log_level="error",
         finite=True,
@@ -207,7 +207,7 @@ COMMANDS: Final = (
         "services.toolbox.model.settings:ModelSettings",
         "services.toolbox.model.process:run",
         refusals=("bus:BusError",),
-        extra="detector",
+        extra="detector-onnx",
         positional=("task", "target"),
         log_level="error",
         finite=True,
@@ -250,7 +250,7 @@ COMMANDS: Final = (
         "services.toolbox.collect.settings:CollectSettings",
         "services.toolbox.collect.process:run",
         refusals=("bus:BusError", "services.data_folder:DatasetError"),
-        extra="detector",
+        extra="detector-onnx",
         positional=("folder",),
         finite=True,
         examples=(
@@ -265,7 +265,7 @@ COMMANDS: Final = (
         "services.toolbox.labels.settings:LabelsSettings",
         "services.toolbox.labels.process:run",
         refusals=("services.toolbox.labels.objects:LabelsError",),
-        extra="detector",
+        extra="detector-onnx",
         positional=("task", "source", "target"),
         finite=True,
         examples=(
@@ -292,7 +292,7 @@ COMMANDS: Final = (
         "run everything on this machine: simulated robots, gateways, detector and monitor",
         "services.toolbox.demo.settings:DemoSettings",
         "services.toolbox.demo.process:run",
-        extra="all",
+        extra="demo",
         examples=(
             "fleetsight demo --robots 3",
             "fleetsight demo --seconds 30 --model my-seg.pt",

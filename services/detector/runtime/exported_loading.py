@@ -15,22 +15,21 @@ from services.detector.runtime.exported_model import ExportedModel
 from services.detector.runtime.model_file import ONNX_SUFFIX
 from services.detector.runtime.pipeline import prove
 from services.detector.runtime.refinement.refiner import Refiner, blank_close_ups
-from services.detector.settings import DetectorSettings
+from services.detector.settings import GPU, DetectorSettings
 
 log = logging.getLogger(__name__)
 
 PACKAGES: Final[dict[Runtime, str]] = {"openvino": "openvino", "onnx": "onnxruntime"}
 """The package that each runtime needs, the faster one on most processors first."""
 
-EXTRAS: Final[dict[Runtime, str]] = {"openvino": "openvino", "onnx": "detector-onnx"}
-
 
 def running_export(
-    model: ExportedModel, settings: DetectorSettings, folder: Path, blank: NDArray[np.uint8]
+    model: ExportedModel, settings: DetectorSettings, longest: int, folder: Path, blank: NDArray[np.uint8]
 ) -> RunningModel:
     """Return an exported model under the requested runtime, or the faster one of those installed.
 
-    folder: for the choice if the cache cannot be written. blank: an empty image, see `prove`.
+    longest: longer side of the input in pixels. folder: for the choice if the cache cannot be written. blank: an empty
+    image, see `prove`.
 
     Raises:
         ModelError: no runtime works here, or not the requested one.
@@ -48,10 +47,12 @@ def running_export(
         engine = make(runtime)
     else:
         place = RuntimeTarget(
-            model.digest, model.longest, "cpu", threads, settings.cache, spare=folder, candidates=candidates
+            model.digest, longest, "cpu", threads, settings.cache, spare=folder, candidates=candidates
         )
         runtime, engine = choose(make, place, blank)
-    refiner = None if model.refiner is None else _refiner(model.refiner, model, threads)
+    (output,) = engine.run(blank)
+    prototypes = 0 if output.prototypes is None else len(output.prototypes)
+    refiner = None if model.refiner is None else _refiner(model.refiner, model, threads, prototypes)
     return RunningModel(runtime, engine, None, refiner, many=gpu is not None and model.many)
 
 
@@ -67,31 +68,37 @@ def _candidates(model: ExportedModel, requested: str, gpu: int | None) -> tuple[
         raise ModelError(f"--runtime {requested}: {model.path.name} is exported, and {runs}{on}")
     found = tuple(each for each in wanted if find_spec(PACKAGES[each]) is not None)
     if not found:
-        missing = wanted[0]
-        raise ModelError(
-            f"--runtime {requested}: {PACKAGES[missing]} is not installed; see fleetsight's extra [{EXTRAS[missing]}]"
-        )
+        missing = PACKAGES[wanted[-1]]
+        raise ModelError(f"--runtime {requested}: {missing} is not installed; pip install {missing}")
     return found
 
 
 def _gpu(device: str | None) -> int | None:
-    """Return the number of the requested GPU; None for the processor, which is the default.
+    """Return the number of the GPU to use; None for the processor. By default the first, where ONNX Runtime has one.
 
     Raises:
         ModelError: ONNX Runtime has none, or does not know the name.
     """
-    name = (device or "cpu").strip().lower()
+    able = _has_gpu()
+    if device is None and not able and GPU.exists():
+        log.warning("exported models run on the processor here, not on the GPU: ONNX Runtime cannot use it")
+    name = (device or ("cuda" if able else "cpu")).strip().lower()
     if name == "cpu":
         return None
     number = name.removeprefix("cuda").removeprefix(":") or "0"
     if not number.isdecimal():
         raise ModelError(f"--device {device}: exported models run on cpu or cuda:0, cuda:1, ...")
-    if find_spec("onnxruntime") is not None:
-        from services.detector.runtime.onnx_engine import has_gpu  # noqa: PLC0415 - it may not be there
-
-        if has_gpu():
-            return int(number)
+    if able:
+        return int(number)
     raise ModelError(f"--device {device}: ONNX Runtime has no GPU here; install onnxruntime-gpu, or use weights")
+
+
+def _has_gpu() -> bool:
+    if find_spec("onnxruntime") is None:
+        return False
+    from services.detector.runtime.onnx_engine import has_gpu  # noqa: PLC0415 - it may not be there
+
+    return has_gpu()
 
 
 def _made(runtime: Runtime, file: Path, threads: int, gpu: int | None) -> Engine:
@@ -104,13 +111,13 @@ def _made(runtime: Runtime, file: Path, threads: int, gpu: int | None) -> Engine
     return OnnxEngine(file, threads, gpu=gpu)
 
 
-def _refiner(content: bytes, model: ExportedModel, threads: int) -> Refiner | None:
+def _refiner(content: bytes, model: ExportedModel, threads: int, prototypes: int) -> Refiner | None:
     """Return the refiner under ONNX Runtime; None, with a warning, where it does not work: masks then stay coarse."""
     try:
         from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415 - as above
 
         refiner = OnnxRefiner(content, threads)
-        refiner.run(blank_close_ups(1, refiner.prototypes))
+        refiner.run(blank_close_ups(1, prototypes))
     except Exception as error:  # noqa: BLE001 - what the model finds is no worse for it
         log.warning("%s leaves masks coarse: its refiner does not work: %s", model.path.name, first_line(error))
         return None

@@ -31,9 +31,14 @@ METADATA_FILE: Final = "metadata.yaml"
 
 HEAD: Final = "fleetsight.head"
 REFINER: Final = "fleetsight.refiner"
+AGNOSTIC: Final = "fleetsight.agnostic"
 SOURCE: Final = "fleetsight.source"
-"""Entries of ours beside Ultralytics' own: the branch of the head, the refiner as an ONNX file in base64, and the
-SHA-256 of the weights that the file was made of."""
+"""Entries of ours beside Ultralytics' own: the branch of the head, the refiner as an ONNX file in base64, whether the
+model suppresses overlapping boxes of all classes by default, and the SHA-256 of the weights that the file was made
+of."""
+
+MOST_STRIDE: Final = 256
+"""Pixels; of Ultralytics' models the largest is 64."""
 
 RT_DETR: Final = "RTDETRDecoder"
 """The head's name in Ultralytics' metadata."""
@@ -89,7 +94,8 @@ def read_exported(
     except Exception as error:
         raise ModelError(f"{what}: not a model that can be used: {first_line(error)}") from error
     if nms is not None and nms is not (found.head == "nms"):
-        raise ModelError(f"{'--nms' if nms else '--no-nms'} with {what}: it was exported with its other head")
+        has = "needs NMS" if found.head == "nms" else "finds each object once"
+        raise ModelError(f"{'--nms' if nms else '--no-nms'} with {what}: the head that it was exported with {has}")
     if side is not None and found.fixed is not None and side != found.longest:
         raise ModelError(f"--image-size {side} with {what}: it was exported for {found.longest} pixels alone")
     return found
@@ -111,14 +117,17 @@ def _of_onnx(file: Path) -> tuple[Mapping[str, Any], Shape]:
     options = onnxruntime.SessionOptions()
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
     options.log_severity_level = 4
-    session = onnxruntime.InferenceSession(file, options, providers=["CPUExecutionProvider"])
+    content = file.read_bytes()  # in a file it would look for weights beside it, which are not published with it
+    session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     told = dict(session.get_modelmeta().custom_metadata_map)
     for name in told.keys() & {"names", "imgsz"}:
         try:
             told[name] = ast.literal_eval(told[name])
         except (ValueError, SyntaxError, MemoryError, RecursionError) as error:
             raise _ExportError(f"its {name} cannot be read: {CURE}") from error
-    (given,) = session.get_inputs()
+    given, *others = session.get_inputs()
+    if others:
+        raise _ExportError(f"it has {1 + len(others)} inputs, not an image alone")
     return told, tuple(side if isinstance(side, int) else None for side in given.shape)
 
 
@@ -127,7 +136,9 @@ def _of_openvino(folder: Path, file: Path) -> tuple[Mapping[str, Any], Shape]:
     try:
         from services.detector.runtime.openvino_engine import input_shape  # noqa: PLC0415 - it may not be there
     except ModuleNotFoundError as error:
-        raise _ExportError("openvino is not installed; see fleetsight's extra [openvino]") from error
+        raise _ExportError("openvino is not installed; pip install openvino") from error
+    if not file.with_suffix(".bin").is_file():
+        raise _ExportError(f"{file.with_suffix('.bin').name}, which has its weights, is missing beside {file.name}")
     metadata = folder / METADATA_FILE
     told = yaml.safe_load(metadata.read_text(encoding="utf-8")) if metadata.is_file() else {}
     if not isinstance(told, Mapping):
@@ -148,6 +159,9 @@ def _described(path: Path, file: Path, told: Mapping[str, Any], shape: Shape, *,
         raise _ExportError(f"it is for {images} images at once: export it with batch=1, or dynamic=True")
     if (height is None) != (width is None):
         raise _ExportError("one side of its input is fixed, the other is not: export it with or without dynamic=True")
+    stride = int(float(told["stride"]))
+    if not 1 <= stride <= MOST_STRIDE:
+        raise _ExportError(f"its stride is {stride} pixels, not 1 to {MOST_STRIDE}: {CURE}")
     fixed = None if height is None or width is None else (height, width)
     sides = told["imgsz"] if isinstance(told["imgsz"], list | tuple) else [told["imgsz"]]
     return ExportedModel(
@@ -156,8 +170,9 @@ def _described(path: Path, file: Path, told: Mapping[str, Any], shape: Shape, *,
         names=class_names(told["names"]),
         segments=task == SEGMENT,
         longest=max(fixed or map(int, sides)),
-        stride=max(32, int(float(told["stride"]))),
+        stride=max(32, stride),
         head=_head(told),
+        agnostic=told.get(AGNOSTIC) == str(True),
         file=file,
         fixed=fixed,
         many=images is None,
@@ -168,7 +183,11 @@ def _described(path: Path, file: Path, told: Mapping[str, Any], shape: Shape, *,
 
 def _head(told: Mapping[str, Any]) -> Head:
     kept: Head | None = next((each for each in HEADS if each == told.get(HEAD)), None)
-    return kept or ("rt-detr" if told.get("head") == RT_DETR else "nms")
+    if kept is not None:
+        return kept
+    if told.get("head") == RT_DETR:
+        return "rt-detr"
+    return "nms-free" if str(told.get("end2end")) == str(True) else "nms"
 
 
 def _refiner(told: Mapping[str, Any]) -> bytes | None:

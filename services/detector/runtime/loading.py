@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Final
 
 import cv2
 import numpy as np
@@ -19,13 +20,16 @@ from services.detector.runtime.engine import BATCH_ON_GPU, RunningModel
 from services.detector.runtime.exported_loading import running_export
 from services.detector.runtime.exported_model import ExportedModel, read_exported
 from services.detector.runtime.model_file import ModelFile, is_exported
-from services.detector.runtime.offline import keep_offline, set_environment
+from services.detector.runtime.offline import keep_offline, keep_torch_offline, set_environment
 from services.detector.runtime.pipeline import Facts, Pipeline
 from services.detector.runtime.refinement.refiner import Refiner
 from services.detector.settings import LEAST_SIDE, MOST_SIDE, DetectorSettings
 from services.detector.tracking.confirmed_tracks import NEUTRAL, neutral_score
 from services.detector.tracking.trackers import CameraTracker
 from services.detector.tracking.tracks import Tracking
+
+UNMEASURED: Final = {False: "torch", True: "onnx"}
+"""Runtimes of weights and of exported models that work wherever such a model does."""
 
 
 def load_all(settings: DetectorSettings, folder: Path) -> Model:
@@ -50,28 +54,32 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
 class SuccessiveLoading:
     """Loads one model after another, each beside the one before; see `load_all`.
 
-    With `--runtime auto` later models take the runtime of the first, if they work under it: what is measured beside a
-    model that runs is wrong, and would be kept for a week.
+    With `--runtime auto` later models take the runtime of the first of their form, weights or exported, if they work
+    under it; the first of the other form takes UNMEASURED. What is measured beside a model that runs is wrong, and
+    would be kept for a week.
     """
 
     def __init__(self, settings: DetectorSettings, folder: Path) -> None:
         self._settings = settings
         self._folder = folder
-        self._runtime: str | None = None
+        self._runtimes: dict[bool, str] = {}
 
-    def load(self, weights: Path) -> Model:
-        """Load weights; raises ModelError."""
-        settings = self._settings.model_copy(update={"model": str(weights)})
-        if self._runtime is None:
-            model = load_all(settings, self._folder)
-            self._runtime = _runtime_of(model)
-            return model
+    def load(self, file: Path) -> Model:
+        """Load a model's file; raises ModelError."""
+        settings = self._settings.model_copy(update={"model": str(file)})
+        exported = is_exported(str(file))
+        runtime = self._runtimes.get(exported, settings.runtime)
+        if self._runtimes and runtime == "auto":
+            runtime = UNMEASURED[exported]
         try:
-            return load_all(settings.model_copy(update={"runtime": self._runtime}), self._folder)
+            model = load_all(settings.model_copy(update={"runtime": runtime}), self._folder)
         except ModelError:
-            if self._runtime == settings.runtime:
+            if runtime == settings.runtime:
                 raise
-            return load_all(settings, self._folder)
+            model = load_all(settings, self._folder)
+        if (found := _runtime_of(model)) is not None:
+            self._runtimes.setdefault(exported, found)
+        return model
 
 
 def _runtime_of(model: Model) -> str | None:
@@ -178,9 +186,9 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
     facts = Facts(
         printable(file.path.name), settings.runtime, read.names, file.segments, longest, file.stride, file.head, fixed
     )
-    blank = np.zeros((1, *facts.letterbox(480, 640).shape, 3), np.uint8)
     cv2.setNumThreads(1)  # what it would share among threads is smaller than the sharing
     try:
+        blank = np.zeros((1, *facts.letterbox(480, 640).shape, 3), np.uint8)
         running = _running(file, settings, longest, folder, blank, refine=refiner is None)
         return Pipeline(
             replace(facts, runtime=running.runtime),
@@ -202,7 +210,7 @@ def _running(
     file: ModelFile, settings: DetectorSettings, longest: int, folder: Path, blank: NDArray[np.uint8], *, refine: bool
 ) -> RunningModel:
     if isinstance(file, ExportedModel):
-        return running_export(file, settings, folder, blank)
+        return running_export(file, settings, longest, folder, blank)
     from services.detector.runtime.torch_loading import running_weights  # noqa: PLC0415 - it is heavy
     from services.detector.runtime.weights import Weights  # noqa: PLC0415 - as above
 
@@ -218,10 +226,12 @@ def tracking(settings: DetectorSettings, model: Model, is_shipped: Callable[[], 
     """
     if settings.tracker == "off":
         return None
-    if settings.tracker == "bytetrack" and find_spec("torch") is None:
-        raise ModelError(
-            "--tracker bytetrack: torch is not installed; see fleetsight's extra [detector], or use botsort"
-        )
+    if settings.tracker == "bytetrack":
+        if missing := [each for each in ("torch", "ultralytics") if find_spec(each) is None]:
+            raise ModelError(
+                f"--tracker bytetrack: {missing[0]} is not installed; see fleetsight's extra [detector], or use botsort"
+            )
+        keep_torch_offline(download=settings.download)
     shipped = settings.is_shipped
 
     def neutral() -> float:

@@ -24,6 +24,11 @@ def set_environment(folder: Path, *, download: bool) -> None:
 def keep_offline(folder: Path, *, download: bool) -> None:
     """Set the environment variables, see `set_environment`, and keep torch from opening addresses. Takes seconds."""
     set_environment(folder, download=download)
+    keep_torch_offline(download=download)
+
+
+def keep_torch_offline(*, download: bool) -> None:
+    """Keep torch and Ultralytics, once the environment is set, from opening addresses and from reporting."""
     from torch import hub  # noqa: PLC0415
     from ultralytics.nn import tasks  # noqa: PLC0415
     from ultralytics.utils import LOGGER, SETTINGS  # noqa: PLC0415

@@ -59,7 +59,10 @@ class OnnxEngine:
 
     def __init__(self, path: Path, threads: int, *, gpu: int | None) -> None:
         able = onnxruntime.get_available_providers()
-        self._session = onnxruntime.InferenceSession(path, session_options(threads), providers=providers(gpu, able))
+        content = path.read_bytes()  # its own paths are texts alone, and in a file it would look for weights beside it
+        self._session = onnxruntime.InferenceSession(content, session_options(threads), providers=providers(gpu, able))
+        if gpu is not None and _CUDA not in self._session.get_providers():
+            raise RuntimeError(f"ONNX Runtime cannot use GPU {gpu}")
         first = self._session.get_inputs()[0]
         self._input = first.name
         self._half = first.type == HALF

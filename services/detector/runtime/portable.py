@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from services.detector.model import ModelError
-from services.detector.runtime.exported_model import HEAD, REFINER, SOURCE
+from services.detector.runtime.exported_model import AGNOSTIC, HEAD, REFINER, SOURCE
 from services.detector.runtime.exporting import exported
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def portable(weights: "Weights", longest: int) -> bytes:
         made = exported(weights, "onnx", Path(folder), "cpu", longest, gpu="", spare=Path(folder) / "spare")
         model = onnx.load(made)
     entries = {each.key: each.value for each in model.metadata_props if each.key not in UNSTEADY}
-    entries |= {HEAD: weights.head, SOURCE: weights.digest}
+    entries |= {HEAD: weights.head, SOURCE: weights.digest} | ({AGNOSTIC: str(True)} if weights.agnostic else {})
     if weights.refiner is not None:
         refiner = onnx.load_from_string(onnx_of(weights.refiner))
         _halve(refiner)

@@ -14,6 +14,7 @@ from rich.console import Console
 from bus import open_bus
 from bus.clocks import clock_id
 from schemas.printing import printable
+from services.detector.settings import shipped_file
 from services.monitor.display import notes_of, show
 from services.monitor.fleet import Fleet
 from services.monitor.monitor import Monitor
@@ -70,8 +71,8 @@ async def _run(settings: DemoSettings, folder: Path) -> int:
 def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str, Sequence[str]]:
     """Return each process's command line by name; the robots' ROS masters use `master_port` and the ports after it."""
     # Weights under torch at once: whatever is quicker is exported first, which takes longer than most demos.
-    weights = settings.model is not None and settings.model.endswith(".pt")
-    model = ["--model", settings.model] if settings.model else []
+    model = settings.model or str(shipped_file(None, None))
+    runtime = "torch" if model.lower().endswith(".pt") else "onnx"
     simulator = [
         *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--summary"),
         *("--seed", str(SEED), "--warehouses", "1"),  # so that all of them are on one map
@@ -84,7 +85,7 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
         ]
         for port, robot in enumerate(_robots(settings), master_port)
     }
-    detector = ["detector", "--connect", endpoint, "--runtime", "torch" if weights else "onnx", *model]
+    detector = ["detector", "--connect", endpoint, "--runtime", runtime, "--model", model]
     measuring = {service: [service, "--connect", endpoint] for service in ("distance", "cloud", "worldmodel")}
     return {"simulator": simulator, **gateways, **measuring, "detector": detector}
 

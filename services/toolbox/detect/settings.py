@@ -3,11 +3,19 @@
 from pathlib import Path
 from typing import Annotated, Final, Self
 
-from pydantic import Field, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from bus.settings import BusSettings
 from schemas.printing import printable
-from services.detector.settings import DetectorSettings, LookSettings, Runtime, check_is_file, shipped_file
+from services.detector.settings import (
+    SHIPPED,
+    DetectorSettings,
+    LookSettings,
+    Runtime,
+    check_is_file,
+    shipped_file,
+    shipped_path,
+)
 from services.option_names import given_as_options
 
 SUFFIXES: Final = ("", ".jpg", ".jpeg")
@@ -21,6 +29,10 @@ LOCAL: Final = {"model", "detection_model", "download", "runtime", *LookSettings
 }
 """Settings that change what --local finds, and say nothing to a worker. As options they are refused without --local; in
 an environment or a file, which other commands share, they may stand."""
+
+
+def _is_weights(file: str) -> bool:
+    return file.lower().endswith(".pt")
 
 
 class DetectSettings(LookSettings, BusSettings):
@@ -42,10 +54,12 @@ class DetectSettings(LookSettings, BusSettings):
     json_: Annotated[bool, Field(alias="json", description="print one JSON object instead of a table")] = False
     local: Annotated[bool, Field(description="run the model here, without a fleet")] = False
     model: Annotated[
-        str | None, Field(description="weights or an exported model for --local; the shipped one unless given")
+        Annotated[str, AfterValidator(shipped_path)] | None,
+        Field(description="weights or an exported model for --local; the shipped one unless given"),
     ] = None
     detection_model: Annotated[
-        str | None, Field(description="second model for --local, for boxes; its objects get the masks of --model")
+        Annotated[str, AfterValidator(shipped_path)] | None,
+        Field(description="second model for --local, for boxes; its objects get the masks of --model"),
     ] = None
     download: Annotated[bool, Field(description="let Ultralytics download missing weights for --local")] = False
     runtime: Annotated[
@@ -81,20 +95,22 @@ class DetectSettings(LookSettings, BusSettings):
         if self.drawing.suffix.lower() not in SUFFIXES:
             raise ValueError(f"--output {drawing}: what is written is JPEG: .jpg")
         for option, weights in (("--model", self.model), ("--detection-model", self.detection_model)):
-            if self.local and weights is not None and not self.download:
+            if self.local and weights not in (None, SHIPPED) and not self.download:
                 check_is_file(option, weights)
 
     @property
     def of_model(self) -> DetectorSettings:
         """The settings of the model that runs here."""
         chosen = {name: getattr(self, name) for name in LookSettings.model_fields}
-        weights = [each for each in (self.model, self.detection_model) if each is not None and each.endswith(".pt")]
-        runtime = self.runtime or ("torch" if weights else "auto")
+        boxes = self.detection_model
+        wanted = self.runtime or ("torch" if boxes is not None and _is_weights(boxes) else None)
+        model = str(shipped_file(self.device, wanted)) if self.model in (None, SHIPPED) else self.model
+        weights = all(_is_weights(each) for each in (model, boxes) if each is not None)
         return DetectorSettings(
-            model=self.model or str(shipped_file(self.device, runtime)),
-            detection_model=self.detection_model,
+            model=model,
+            detection_model=boxes,
             download=self.download,
-            runtime=runtime,
+            runtime=self.runtime or ("torch" if weights else "auto"),
             **chosen,
         )
 

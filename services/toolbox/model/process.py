@@ -15,6 +15,7 @@ from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
 from schemas.models import MAX_MODEL_BYTES, SHORT_DIGEST, ModelRegistry, ModelUse, PublishedModel
 from schemas.printing import printable
+from services.detector.settings import DetectorSettings
 from services.model_registry.client import ask_registry, publish_model, use_model
 from services.model_registry.registry import digest_of
 from services.toolbox.model.listing import absent_robots, as_json, as_table, worker_statuses
@@ -73,6 +74,9 @@ async def _publish(settings: ModelSettings) -> None:
             _print(f"published already: {same.label}, by {same.by}")
             return
         await publish_model(bus, model, file, _Progress(model))
+        kept = (await ask_registry(bus, settings.timeout_s)).find(model.digest)
+        if kept is not None and kept.form != model.form:
+            raise _ModelCommandError(f"the monitor does not know {model.form} files yet, so no worker will: upgrade it")
     _print(f"published: {model.label}, {model.about}")
     _print(f"put it in force with: fleetsight model use {model.name}")
 
@@ -88,6 +92,7 @@ def _described(file: Path, name: str) -> PublishedModel:
     if size > MAX_MODEL_BYTES:
         raise _ModelCommandError(f"{file} has {size} bytes: the registry takes files of {MAX_MODEL_BYTES} at most")
     weights = _read(file, "publish")
+    _try(file)
     from services.detector.runtime.model_file import is_exported  # noqa: PLC0415 - publishing needs the extra
 
     names = list(dict.fromkeys(weights.names.values()))
@@ -108,6 +113,22 @@ def _read(file: Path, option: str, **options: Any) -> "ModelFile":
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
         try:
             return read_model(str(file), Path(folder), option, **options)
+        except ModelError as error:
+            raise _ModelCommandError(str(error)) from error
+
+
+def _try(file: Path) -> None:
+    """Run an exported model once: unlike weights, it is a program, which may never end. Raises as `_read` does."""
+    from services.detector.model import ModelError  # noqa: PLC0415 - as above
+    from services.detector.runtime.loading import load  # noqa: PLC0415 - as above
+    from services.detector.runtime.model_file import is_exported  # noqa: PLC0415 - as above
+
+    if not is_exported(str(file)):
+        return
+    with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
+        chosen = {"model": str(file), "runtime": "onnx", "device": "cpu", "cache": folder}
+        try:
+            load(DetectorSettings.model_validate(chosen), Path(folder)).close()
         except ModelError as error:
             raise _ModelCommandError(str(error)) from error
 

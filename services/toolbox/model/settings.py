@@ -11,7 +11,7 @@ from schemas.errors import SchemaError
 from schemas.keys import check_name
 from schemas.models import MAX_CANARY_ROBOTS
 from schemas.printing import printable
-from services.detector.settings import LEAST_SIDE, MOST_SIDE, shipped_path
+from services.detector.settings import LEAST_SIDE, MOST_SIDE, SHIPPED, shipped_path
 from services.option_names import given_as_options
 
 OWN: Final = {
@@ -87,7 +87,16 @@ class ModelSettings(BusSettings):
             raise ValueError(f"{file}: {'a folder' if Path(self.target).is_dir() else 'no such file'}")
         if self.task == "publish":
             self._check_name()
+        if self.task == "export":
+            self._check_output()
         return self
+
+    def _check_output(self) -> None:
+        output = printable(str(self.exported_file))
+        if self.exported_file.suffix.lower() != ".onnx":
+            raise ValueError(f"--output {output}: the name of an ONNX file ends in .onnx")
+        if self.exported_file.exists() and self.exported_file.samefile(self.file):
+            raise ValueError(f"--output {output}: that is the file to export, which would be lost")
 
     def _check_name(self) -> None:
         try:
@@ -98,7 +107,7 @@ class ModelSettings(BusSettings):
     @property
     def file(self) -> Path:
         """The file to export or publish."""
-        return Path(shipped_path(self.target))
+        return Path(shipped_path(f"{SHIPPED}.pt" if self.target == SHIPPED else self.target))
 
     @property
     def exported_file(self) -> Path:

@@ -111,3 +111,37 @@ def test_the_fleet_s_model_is_no_file_and_no_opinion() -> None:
     alone = "--detection-model fleet: only --model of `fleetsight detector` follows the fleet's; name a file"
     with pytest.raises(ValidationError, match=alone):
         DetectorSettings(detection_model="fleet")
+
+
+@pytest.mark.parametrize(
+    ("missing", "device", "runtime", "file"),
+    [
+        ("onnxruntime", None, None, SHIPPED_MODEL),
+        ("onnxruntime", "cpu", "openvino", SHIPPED_MODEL),
+        ("torch", None, None, SHIPPED_EXPORT),
+        ("torch", None, "torch", SHIPPED_EXPORT),
+        ("nothing", " CPU", None, SHIPPED_EXPORT),
+    ],
+)
+def test_the_shipped_model_is_in_the_form_that_what_is_installed_can_read(
+    *,
+    missing: str,
+    device: str | None,
+    runtime: str | None,
+    file: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(settings, "GPU", tmp_path / "no driver")
+    monkeypatch.setattr(settings, "find_spec", lambda name: None if name == missing else name)
+    assert settings.shipped_file(device, runtime) == file
+
+
+def test_the_default_model_does_not_depend_on_the_working_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path(settings.SHIPPED).mkdir()
+    assert DetectorSettings(device="cpu").is_shipped
+    with pytest.raises(ValidationError, match="--model warehouse-n-seg: a folder"):
+        DetectorSettings(model=settings.SHIPPED)

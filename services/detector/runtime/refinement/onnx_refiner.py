@@ -10,13 +10,11 @@ from services.detector.runtime.refinement.refiner import CloseUps, Floats, Refin
 
 
 class OnnxRefiner:
-    """Runs an ONNX file's content. prototypes: the number of the model's, which it takes as features."""
+    """Runs an ONNX file's content."""
 
     def __init__(self, model: bytes, threads: int) -> None:
         self._session = onnxruntime.InferenceSession(model, session_options(threads), providers=providers(None, ()))
-        given = self._session.get_inputs()
-        self._inputs = [each.name for each in given]
-        self.prototypes: int = given[1].shape[-1]
+        self._inputs = [each.name for each in self._session.get_inputs()]
 
     def run(self, seen: CloseUps) -> Refined:
         """See `Refiner.run`."""

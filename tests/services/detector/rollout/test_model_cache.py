@@ -5,6 +5,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from schemas.models import ModelRegistry
@@ -138,3 +139,15 @@ def test_what_cannot_be_read_or_written_stops_nobody(tmp_path: Path, caplog: pyt
     damaged.folder.mkdir()
     (damaged.folder / "last.json").write_bytes(b'{"models": 1}')
     assert damaged.recall() is None
+
+
+async def test_an_exported_model_keeps_the_name_of_its_form(tmp_path: Path) -> None:
+    exported = msgspec.structs.replace(SITE, form="onnx")
+    cache = ModelCache(tmp_path)
+    cache.folder.mkdir(parents=True)
+    cache.path(exported).write_bytes(b"weights")
+    assert cache.path(exported).name == f"site@{SITE.digest[:12]}.onnx"
+    assert cache.holds(exported)
+    os.utime(cache.path(exported), (0, 0))
+    cache.remember(ModelRegistry(models=[]))
+    assert not cache.holds(exported)

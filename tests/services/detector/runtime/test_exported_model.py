@@ -1,6 +1,7 @@
 """Exported models find what the weights find that they were made of, without torch; others are refused in one line."""
 
 import base64
+import os
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ from onnxruntime.transformers.float16 import convert_float_to_float16
 from schemas.detections import Detection
 from services.detector.model import DetectedObjects, ModelError
 from services.detector.runtime import postprocess
-from services.detector.runtime.exported_model import REFINER, SOURCE, read_exported
+from services.detector.runtime.exported_model import AGNOSTIC, HEAD, REFINER, SOURCE, read_exported
 from services.detector.runtime.loading import load
 from services.detector.runtime.overlap import difference
 from services.detector.runtime.portable import portable
@@ -170,6 +171,7 @@ def changed(folder: Path, **entries: str | None) -> Path:
         ({"names": "{0: 'box', 1: ' '}"}, "class 1 has an empty name"),
         ({"names": "__import__('os').getcwd()"}, "its names cannot be read: export it with"),
         ({"names": "{0: 'box', 1: 'pallet'}"}, "not a model that can be used: an output of"),
+        ({"stride": "1000000"}, "its stride is 1000000 pixels, not 1 to 256"),
         ({REFINER: "no base64"}, "its refiner is damaged: export it again"),
     ],
 )
@@ -181,6 +183,47 @@ def test_metadata_that_cannot_be_right_is_refused(
         load(DetectorSettings(model=str(file), runtime="onnx", cache=tmp_path), model_folder / "ultralytics")
     assert f"--model {file}: {reason}" in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_weights_beside_an_onnx_file_are_not_looked_for(tmp_path: Path, model_folder: Path) -> None:
+    """They would not be published with it."""
+    file = tmp_path / "parted.onnx"
+    onnx.save(onnx.load(SHIPPED_EXPORT), file, save_as_external_data=True, location="parted.data", size_threshold=0)
+    with pytest.raises(ModelError, match=r"parted\.onnx: not a model that can be used: [^\n]*xternal"):
+        load(DetectorSettings(model=str(file), runtime="onnx", cache=tmp_path), model_folder / "ultralytics")
+
+
+def test_a_folder_of_openvino_without_its_weights_is_refused(tmp_path: Path, model_folder: Path) -> None:
+    (tmp_path / "model.xml").write_text("<net/>")
+    with pytest.raises(ModelError, match=r"model\.bin, which has its weights, is missing beside model\.xml"):
+        load(DetectorSettings(model=str(tmp_path), cache=tmp_path), model_folder / "ultralytics")
+
+
+def test_the_path_of_an_onnx_file_need_not_be_text(
+    view: NDArray[np.uint8], expected: list[Detection], tmp_path: Path
+) -> None:
+    file = tmp_path / os.fsdecode(b"\xff.onnx")
+    file.write_bytes(SHIPPED_EXPORT.read_bytes())
+    assert difference(found_by(file, view, tmp_path, runtime="onnx"), expected, 0.25) is None
+
+
+@pytest.mark.parametrize(
+    ("end2end", "nms", "refused"),
+    [("True", False, None), ("True", True, "finds each object once"), ("False", False, "needs NMS")],
+)
+def test_the_head_of_an_export_is_told_by_its_metadata(
+    *,
+    end2end: str,
+    nms: bool,
+    refused: str | None,
+    tmp_path: Path,
+) -> None:
+    file = changed(tmp_path, **{HEAD: None, "end2end": end2end})
+    if refused is None:
+        assert read_exported(str(file), nms=nms).head == "nms-free"
+        return
+    with pytest.raises(ModelError, match=f"the head that it was exported with {refused}"):
+        read_exported(str(file), nms=nms)
 
 
 def test_a_refiner_that_does_not_work_leaves_masks_coarse(
@@ -201,7 +244,7 @@ def test_a_refiner_that_does_not_work_leaves_masks_coarse(
         ),
         ({"device": "cuda:0"}, "--device cuda:0: ONNX Runtime has no GPU here"),
         ({"device": "tpu"}, "--device tpu: exported models run on cpu or cuda:0"),
-        ({"nms": False}, "it was exported with its other head"),
+        ({"nms": False}, "the head that it was exported with needs NMS"),
     ],
 )
 def test_what_an_exported_model_cannot_do_is_said(
@@ -232,3 +275,8 @@ def test_an_export_of_weights_says_what_they_are(tmp_path: Path) -> None:
     told = {each.key for each in onnx.load(tmp_path / "made.onnx").metadata_props}
     assert {SOURCE, REFINER} <= told
     assert "date" not in told
+
+
+def test_a_model_that_suppresses_boxes_of_all_classes_by_itself_does_so_exported(tmp_path: Path) -> None:
+    assert read_exported(str(changed(tmp_path, **{AGNOSTIC: "True"}))).agnostic
+    assert not read_exported(str(SHIPPED_EXPORT)).agnostic

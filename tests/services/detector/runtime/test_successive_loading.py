@@ -103,3 +103,19 @@ async def test_a_runtime_that_was_asked_for_is_that_of_all(
     assert successive.load(SHIPPED_MODEL) is model
     with pytest.raises(ModelError, match="it does not work"):
         successive.load(Path("other.pt"))
+
+
+async def test_the_first_of_the_other_form_is_not_measured_beside_a_model_that_runs(
+    model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[str, str]] = []
+
+    def load(settings: DetectorSettings, _: Path) -> Model:
+        asked.append((settings.model, settings.runtime))
+        return under("openvino" if settings.runtime == "auto" else settings.runtime, model)
+
+    monkeypatch.setattr(loading, "load_all", load)
+    successive = SuccessiveLoading(DetectorSettings(runtime="auto"), tmp_path)
+    for file in ("a.onnx", "b.pt", "c.onnx", "d.pt"):
+        successive.load(Path(file))
+    assert asked == [("a.onnx", "auto"), ("b.pt", "torch"), ("c.onnx", "openvino"), ("d.pt", "torch")]

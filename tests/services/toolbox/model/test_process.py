@@ -251,3 +251,28 @@ def test_an_ambiguous_digest_shows_what_tells_the_models_apart() -> None:
     ):
         chosen(state, "abcd")
     assert chosen(state, "abcd1").name == "m1"
+
+
+async def test_an_exported_model_is_made_and_published_as_what_it_is(
+    site: Site, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "best.onnx"
+    assert await site.run("export", str(SHIPPED_MODEL), output=file, image_size=320) == 0
+    assert capsys.readouterr().out.startswith(f"exported: {file}, 6.")
+    assert await site.run("publish", str(file)) == 0
+    (model,) = (await site.state()).models
+    assert (model.name, model.form, model.about) == ("best", "onnx", "segmentation of box, pallet, forklift")
+    kept = tmp_path / "registry" / f"{model.digest}.onnx"
+    assert await asyncio.to_thread(kept.read_bytes) == await asyncio.to_thread(file.read_bytes)
+    capsys.readouterr()
+    assert await site.run("export", str(file), output=tmp_path / "again.onnx") == 1
+    assert capsys.readouterr().err == f"fleetsight model: {file} is exported already\n"
+
+
+async def test_an_exported_model_that_cannot_run_is_not_published(
+    site: Site, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "bad.onnx").write_bytes(b"no model")
+    assert await site.run("publish", str(tmp_path / "bad.onnx")) == 1
+    assert f"publish {tmp_path}/bad.onnx: not a model that can be used" in capsys.readouterr().err
+    assert (await site.state()).models == []

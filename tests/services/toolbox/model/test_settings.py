@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from services.detector.settings import SHIPPED_MODEL
 from services.toolbox.commands import COMMANDS
 from services.toolbox.model.settings import ModelSettings
 
@@ -41,3 +42,23 @@ def test_task_and_model_need_no_option() -> None:
     assert COMMAND.options_of(["use", "site-2", "--robots", "r1"]) == [
         "--task", "use", "--target", "site-2", "--robots", "r1",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("output", "reason"),
+    [("best.pt", "the name of an ONNX file ends in .onnx"), ("same.onnx", "that is the file to export")],
+)
+def test_an_export_overwrites_no_weights(
+    output: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "best.pt").write_bytes(b"weights")
+    (tmp_path / "same.onnx").symlink_to("best.pt")
+    with pytest.raises(ValidationError, match=f"--output {output}: {reason}"):
+        ModelSettings.model_validate({"task": "export", "target": "best.pt", "output": output})
+    assert ModelSettings(task="export", target="best.pt").exported_file == Path("best.onnx")
+
+
+@pytest.mark.parametrize("target", ["warehouse-n-seg", "warehouse-n-seg.pt"])
+def test_the_shipped_weights_go_by_their_name(target: str) -> None:
+    assert ModelSettings.model_validate({"task": "export", "target": target}).file == SHIPPED_MODEL
