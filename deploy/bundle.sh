@@ -34,7 +34,7 @@ unpack="for each in \"\$1\"/var/cache/apt/archives/*.deb; do
     mkdir \"\$into\" && dpkg-deb --extract \"\$each\" \"\$into\" && mkdir -p \"\$into/DEBIAN\" &&
         dpkg-deb --field \"\$each\" Package Version Source >\"\$into/DEBIAN/control\" || exit 1
 done"
-mmdebstrap --quiet --mode=chrootless --variant=extract --include=python3.11,libstdc++6 --extract-hook="$unpack" \
+mmdebstrap --quiet --mode=chrootless --variant=extract --include=python3.11,libstdc++6,base-files --extract-hook="$unpack" \
     bookworm /dev/null
 loader=$(echo "$packages"/libc6/lib/*/ld-linux-*.so.*)
 triplet=$(basename "$(dirname "$loader")")
@@ -49,7 +49,8 @@ cat >"$home/bin/python3" <<'END'
 #!/bin/sh
 # Start this folder's Python by its own dynamic loader and libraries, wherever the folder is. What is set for other
 # programs (LD_LIBRARY_PATH, PYTHONPATH and so on, as in a sourced ROS workspace) has no effect; LANG has none either.
-unset LD_PRELOAD
+unset LD_PRELOAD LD_AUDIT OPENSSL_ENGINES OPENSSL_MODULES
+export OPENSSL_CONF=/dev/null # the robot's is for another OpenSSL
 home=$(dirname "$(dirname "$(readlink -f "$0")")")
 exec "$home/lib/fleetsight" --inhibit-cache --library-path "$home/lib" --argv0 "$home/bin/python3" \
     "$home/lib/python" -I -X utf8 "$@"
@@ -78,6 +79,11 @@ copy_libraries() {
 }
 
 say "shared libraries of Python"
+# The C library loads some of its own by name, such as those that look for users; the robot's would not fit.
+for each in "$packages"/libc6/lib/"$triplet"/lib*.so.* "$packages"/libgcc-s1/lib/"$triplet"/lib*.so.*; do
+    [ -e "$home/lib/$(basename "$each")" ] || cp "$each" "$home/lib/"
+done
+echo libgcc-s1 >>"$work/taken"
 copy_libraries "$home/lib/python"
 for each in "$home"/lib/python3.11/lib-dynload/*.so; do copy_libraries "$each"; done
 
@@ -87,7 +93,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK=1
 wheel=$(echo "$work"/fleetsight-*.whl)
 "$python" -m pip --python "$home/bin/python3" install --quiet --no-compile --only-binary :all: --target "$site" \
     --constraint "$source/constraints.txt" "$wheel[$extras]"
-if [[ $extras != *detector* ]]; then
+if ! [ -e "$site/onnxruntime" ] && ! [ -e "$site/torch" ]; then # nothing there runs them
     rm -rf "$site/services/detector/weights"
     sed -i '/^services\/detector\/weights\//d' "$site"/fleetsight-*.dist-info/RECORD
 fi
@@ -108,6 +114,7 @@ sort -u "$work/taken" | while read -r name; do
     cp "$documents/copyright" "$home/licences/$name"
     sed -n 's/^\(Package\|Version\|Source\): //p' "$packages/$name/DEBIAN/control" | paste -sd ' '
 done >"$home/licences/packages.txt"
+cp -L "$packages"/base-files/usr/share/common-licenses/{GPL-2,GPL-3,LGPL-2.1,LGPL-3} "$home/licences/" # others name them
 cp "$source/LICENSE" "$home/licences/fleetsight"
 cp "$source"/deploy/{gateway.yaml,space.yaml,fleetsight-gateway.service,fleetsight-space@.service} "$home/deploy/"
 

@@ -77,7 +77,7 @@ trap 'rm -rf "$log" "$scratch"' EXIT
 # Relative, because pip takes what follows a space for another file.
 export PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1 TMPDIR=$scratch
 case $extra in
-demo) size="under 1 GB" ;;
+demo | dist) size="under 1 GB" ;;
 *) size="PyTorch alone is some GB" ;;
 esac
 if ! with_progress "installing fleetsight[$extra] ($size)" \

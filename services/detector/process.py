@@ -207,7 +207,7 @@ async def run(settings: DetectorSettings) -> int:
 
 async def work(settings: DetectorSettings, model: Model) -> int:
     """Serve with a working model until cancelled; if the model fails, log why and return the exit code."""
-    following = None if settings.opinion else tracking(settings, model)
+    following = None if settings.opinion else await asyncio.to_thread(tracking, settings, model)
     with _closing(following):
         async with open_bus(settings) as bus:
             return await _serve(bus, settings, model, following)

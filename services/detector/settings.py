@@ -40,7 +40,8 @@ def shipped_file(device: str | None, runtime: str | None) -> Path:
     """Return the file of the shipped model: the exported one on a processor, where ONNX Runtime can read it."""
     on = (device or ("cuda" if GPU.exists() else "cpu")).strip().lower()
     wants_torch = runtime in ("torch", "tensorrt") or on != "cpu"
-    can_read, has_torch = (find_spec(each) is not None for each in ("onnxruntime", "torch"))
+    can_read = find_spec("onnxruntime") is not None
+    has_torch = all(find_spec(each) is not None for each in ("torch", "ultralytics"))
     return SHIPPED_MODEL if has_torch and (wants_torch or not can_read) else SHIPPED_EXPORT
 
 

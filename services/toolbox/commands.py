@@ -295,7 +295,7 @@ COMMANDS: Final = (
         extra="demo",
         examples=(
             "fleetsight demo --robots 3",
-            "fleetsight demo --seconds 30 --model my-seg.pt",
+            "fleetsight demo --seconds 30 --model my-seg.onnx",
         ),
     ),
 )

@@ -21,7 +21,10 @@ IN_IT: Final = "systemd-sysv,dbus,dash,bash,coreutils,passwd,util-linux,base-pas
 HOME: Final = "/opt/fleetsight"
 PROGRAM: Final = f"{HOME}/bin/fleetsight"
 WORKSPACE: Final = "/opt/ros"
-SOURCED: Final = f"PYTHONPATH={WORKSPACE} PYTHONHOME={WORKSPACE} LD_LIBRARY_PATH={WORKSPACE}/lib LANG=en_US.UTF-8"
+SOURCED: Final = (
+    f"PYTHONPATH={WORKSPACE} PYTHONHOME={WORKSPACE} LD_LIBRARY_PATH={WORKSPACE}/lib LANG=en_US.UTF-8"
+    f" OPENSSL_CONF={WORKSPACE}/no.cnf"
+)
 OF_ITS_OWN: Final = ("libz.so.1", "libm.so.6", "libexpat.so.1", "libstdc++.so.6", "libssl.so.3", "libffi.so.8")
 
 SEE: Final = """
@@ -108,7 +111,7 @@ def test_it_has_no_installer_and_the_licences_of_all_that_is_debians(bundle: Pat
         assert {member.uid for member in archive.getmembers()} == {0}
     assert {name.split("/")[0] for name in names} == {"fleetsight"}
     assert {"libc6", "libstdc++6", "libssl3", "python3.11-minimal"} <= set(packages)
-    assert {f"fleetsight/licences/{each}" for each in packages} <= names
+    assert {f"fleetsight/licences/{each}" for each in (*packages, "LGPL-2.1", "GPL-3")} <= names
     assert not [name for name in names if "/dist-packages/pip" in name or "/dist-packages/setuptools" in name]
 
 
@@ -136,7 +139,10 @@ def test_its_python_starts_itself_and_finds_what_the_robot_says(machine: Machine
 
 
 def test_nothing_of_the_machines_libraries_is_loaded(machine: Machine) -> None:
-    script = "import ssl, numpy, zenoh; print(*{line.split()[-1] for line in open('/proc/self/maps') if '.so' in line})"
+    script = (
+        "import pwd, ssl, numpy, zenoh; ssl.create_default_context(); pwd.getpwnam('fleetsight'); "
+        "print(*{line.split()[-1] for line in open('/proc/self/maps') if '.so' in line})"
+    )
     loaded = sourced(machine, f"{HOME}/bin/python3", "-c", script).split()
     assert f"{HOME}/lib/libc.so.6" in loaded
     assert [path for path in loaded if not path.startswith(f"{HOME}/")] == []

@@ -8,6 +8,7 @@ import asyncio
 import base64
 import csv
 import json
+import tomllib
 from contextlib import suppress
 from copy import deepcopy
 from itertools import count
@@ -47,6 +48,7 @@ from tests.services.monitor.history.test_store import every, interval, opened
 from tests.services.monitor.inventory.seeing import S
 from tests.services.worldmodel.scene import Camera, known, watch
 
+ROOT: Final = Path(__file__).parents[2]
 RELEASES: Final = sorted(path.parent for path in FOLDER.glob("*/messages.json"))
 SCHEMAS: Final = {schema.__name__: schema for schema in codec.MAX_BYTES}
 EXPORTED: Final = ("sightings", "alerts", "stock", "events")
@@ -80,6 +82,16 @@ def lost(before: Any, after: Any, at: str = "") -> list[str]:
 
 def test_a_release_is_recorded() -> None:
     assert [each.name for each in RELEASES][:1] == ["0.1.0"]
+
+
+def test_the_record_of_a_version_that_is_not_released_yet_is_of_todays_messages() -> None:
+    """Else it is recorded anew: python -m tests.releases.record."""
+    told = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    today = json.loads((ROOT / "docs" / "messages.schema.json").read_text(encoding="utf-8"))
+    for release in RELEASES:
+        if release.name == version and f"## {version}" not in told:
+            assert json.loads((release / "messages.schema.json").read_text(encoding="utf-8")) == today
 
 
 @pytest.mark.parametrize("release", RELEASES, ids=lambda release: release.name)

@@ -34,7 +34,9 @@ def running_export(
     Raises:
         ModelError: no runtime works here, or not the requested one.
     """
-    gpu, threads = _gpu(settings.device), settings.inference_threads
+    on_processor = settings.runtime == "openvino" or model.file.suffix.lower() != ONNX_SUFFIX
+    gpu = _gpu("cpu" if on_processor and settings.device is None else settings.device)
+    threads = settings.inference_threads
     candidates = _candidates(model, settings.runtime, gpu)
 
     def make(runtime: Runtime) -> Engine:
@@ -69,12 +71,12 @@ def _candidates(model: ExportedModel, requested: str, gpu: int | None) -> tuple[
     found = tuple(each for each in wanted if find_spec(PACKAGES[each]) is not None)
     if not found:
         missing = PACKAGES[wanted[-1]]
-        raise ModelError(f"--runtime {requested}: {missing} is not installed; pip install {missing}")
+        raise ModelError(f"--runtime {requested}: {missing} is not installed; pip install -c constraints.txt {missing}")
     return found
 
 
 def _gpu(device: str | None) -> int | None:
-    """Return the number of the GPU to use; None for the processor. By default the first, where ONNX Runtime has one.
+    """Return the number of the GPU to use; None for the processor. By default the first, where there is one.
 
     Raises:
         ModelError: ONNX Runtime has none, or does not know the name.
@@ -82,7 +84,7 @@ def _gpu(device: str | None) -> int | None:
     able = _has_gpu()
     if device is None and not able and GPU.exists():
         log.warning("exported models run on the processor here, not on the GPU: ONNX Runtime cannot use it")
-    name = (device or ("cuda" if able else "cpu")).strip().lower()
+    name = (device or ("cuda" if able and GPU.exists() else "cpu")).strip().lower()
     if name == "cpu":
         return None
     number = name.removeprefix("cuda").removeprefix(":") or "0"
@@ -90,7 +92,9 @@ def _gpu(device: str | None) -> int | None:
         raise ModelError(f"--device {device}: exported models run on cpu or cuda:0, cuda:1, ...")
     if able:
         return int(number)
-    raise ModelError(f"--device {device}: ONNX Runtime has no GPU here; install onnxruntime-gpu, or use weights")
+    raise ModelError(
+        f"--device {device}: ONNX Runtime has no GPU here; install onnxruntime-gpu in its place, or use weights"
+    )
 
 
 def _has_gpu() -> bool:

@@ -112,13 +112,15 @@ def _of_onnx(file: Path) -> tuple[Mapping[str, Any], Shape]:
     """Return an ONNX file's metadata, and the shape of its input."""
     try:
         import onnxruntime  # noqa: PLC0415 - it may not be there
+
+        from services.detector.runtime.onnx_engine import alone  # noqa: PLC0415 - as above
     except ModuleNotFoundError as error:
         raise _ExportError("onnxruntime is not installed; see fleetsight's extra [detector-onnx]") from error
     options = onnxruntime.SessionOptions()
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
     options.log_severity_level = 4
-    content = file.read_bytes()  # in a file it would look for weights beside it, which are not published with it
-    session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    content = file.read_bytes()  # of a path it takes texts alone
+    session = onnxruntime.InferenceSession(content, alone(options), providers=["CPUExecutionProvider"])
     told = dict(session.get_modelmeta().custom_metadata_map)
     for name in told.keys() & {"names", "imgsz"}:
         try:
@@ -136,7 +138,7 @@ def _of_openvino(folder: Path, file: Path) -> tuple[Mapping[str, Any], Shape]:
     try:
         from services.detector.runtime.openvino_engine import input_shape  # noqa: PLC0415 - it may not be there
     except ModuleNotFoundError as error:
-        raise _ExportError("openvino is not installed; pip install openvino") from error
+        raise _ExportError("openvino is not installed; pip install -c constraints.txt openvino") from error
     if not file.with_suffix(".bin").is_file():
         raise _ExportError(f"{file.with_suffix('.bin').name}, which has its weights, is missing beside {file.name}")
     metadata = folder / METADATA_FILE

@@ -156,10 +156,10 @@ def read_model(
     if is_exported(model):
         set_environment(folder, download=download)
         return read_exported(model, option, refine=refine, nms=nms, side=side)
-    if find_spec("torch") is None:
+    if missing := [each for each in ("torch", "ultralytics") if find_spec(each) is None]:
         raise ModelError(
-            f"{option} {model}: torch is not installed; see fleetsight's extra [detector], or export the model where it"
-            " is: fleetsight model export"
+            f"{option} {model}: {missing[0]} is not installed; see fleetsight's extra [detector], or export the model"
+            " where it is: fleetsight model export"
         )
     keep_offline(folder, download=download)
     from services.detector.runtime.weights import load_weights  # noqa: PLC0415 - it is heavy

@@ -1,5 +1,6 @@
 """A model under ONNX Runtime."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -37,6 +38,12 @@ def session_options(threads: int) -> onnxruntime.SessionOptions:
     return options
 
 
+def alone(options: onnxruntime.SessionOptions) -> onnxruntime.SessionOptions:
+    """Have a session look for no weights in files beside a model's: nothing else of it is published or kept."""
+    options.add_session_config_entry("session.model_external_initializers_file_folder_path", os.devnull)
+    return options
+
+
 def is_out_of_memory(error: Exception) -> bool:
     """Return whether an error of ONNX Runtime means that the GPU ran out of memory; there is no type for it."""
     return any(sign in str(error).lower() for sign in NO_MEMORY)
@@ -59,8 +66,9 @@ class OnnxEngine:
 
     def __init__(self, path: Path, threads: int, *, gpu: int | None) -> None:
         able = onnxruntime.get_available_providers()
-        content = path.read_bytes()  # its own paths are texts alone, and in a file it would look for weights beside it
-        self._session = onnxruntime.InferenceSession(content, session_options(threads), providers=providers(gpu, able))
+        content = path.read_bytes()  # of a path it takes texts alone
+        options = alone(session_options(threads))
+        self._session = onnxruntime.InferenceSession(content, options, providers=providers(gpu, able))
         if gpu is not None and _CUDA not in self._session.get_providers():
             raise RuntimeError(f"ONNX Runtime cannot use GPU {gpu}")
         first = self._session.get_inputs()[0]

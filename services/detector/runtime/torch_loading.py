@@ -125,7 +125,10 @@ def _onnx_refiner(network: RefinerNetwork, threads: int) -> Refiner:
 
 
 def _gpu(device: torch.device) -> int | None:
-    return device.index or 0 if device.type == "cuda" else None
+    """Return the number of a GPU that ONNX Runtime may use; its usual package knows processors alone."""
+    from services.detector.runtime.onnx_engine import has_gpu  # noqa: PLC0415 - it may not be there
+
+    return (device.index or 0) if device.type == "cuda" and has_gpu() else None
 
 
 def _make(

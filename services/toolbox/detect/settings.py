@@ -95,7 +95,7 @@ class DetectSettings(LookSettings, BusSettings):
         if self.drawing.suffix.lower() not in SUFFIXES:
             raise ValueError(f"--output {drawing}: what is written is JPEG: .jpg")
         for option, weights in (("--model", self.model), ("--detection-model", self.detection_model)):
-            if self.local and weights not in (None, SHIPPED) and not self.download:
+            if self.local and weights is not None and not self.download and (option, weights) != ("--model", SHIPPED):
                 check_is_file(option, weights)
 
     @property

@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     from services.detector.runtime.model_file import ModelFile
 
 FAILED: Final = 1
+EXPORTERS: Final = ("torch", "ultralytics", "onnx")
+"""Packages that an export needs."""
+
 MIN_PREFIX: Final = 4
 """Letters of a digest that stand for it at least."""
 
@@ -74,9 +78,6 @@ async def _publish(settings: ModelSettings) -> None:
             _print(f"published already: {same.label}, by {same.by}")
             return
         await publish_model(bus, model, file, _Progress(model))
-        kept = (await ask_registry(bus, settings.timeout_s)).find(model.digest)
-        if kept is not None and kept.form != model.form:
-            raise _ModelCommandError(f"the monitor does not know {model.form} files yet, so no worker will: upgrade it")
     _print(f"published: {model.label}, {model.about}")
     _print(f"put it in force with: fleetsight model use {model.name}")
 
@@ -140,6 +141,10 @@ async def _export(settings: ModelSettings) -> None:
 
 
 def _exported(settings: ModelSettings) -> bytes:
+    if missing := [each for each in EXPORTERS if find_spec(each) is None]:
+        raise _ModelCommandError(
+            f"export: {missing[0]} is not installed; it comes with pip install -c constraints.txt '.[onnx]'"
+        )
     from services.detector.model import ModelError  # noqa: PLC0415 - as above
     from services.detector.runtime.portable import portable  # noqa: PLC0415 - as above
     from services.detector.runtime.weights import Weights  # noqa: PLC0415 - as above

@@ -95,8 +95,13 @@ class ModelSettings(BusSettings):
         output = printable(str(self.exported_file))
         if self.exported_file.suffix.lower() != ".onnx":
             raise ValueError(f"--output {output}: the name of an ONNX file ends in .onnx")
-        if self.exported_file.exists() and self.exported_file.samefile(self.file):
-            raise ValueError(f"--output {output}: that is the file to export, which would be lost")
+        try:
+            if not self.exported_file.parent.is_dir() or self.exported_file.is_dir():
+                raise ValueError(f"--output {output}: a file in a folder that exists is needed")
+            if self.exported_file.exists() and self.exported_file.samefile(self.file):
+                raise ValueError(f"--output {output}: that is the file to export, which would be lost")
+        except OSError as error:
+            raise ValueError(f"--output {output}: {error.strerror}") from error
 
     def _check_name(self) -> None:
         try:

@@ -185,8 +185,11 @@ def test_metadata_that_cannot_be_right_is_refused(
     assert "\n" not in str(refused.value)
 
 
-def test_weights_beside_an_onnx_file_are_not_looked_for(tmp_path: Path, model_folder: Path) -> None:
+def test_weights_beside_an_onnx_file_are_not_looked_for(
+    tmp_path: Path, model_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """They would not be published with it."""
+    monkeypatch.chdir(tmp_path)  # where ONNX Runtime would look for them
     file = tmp_path / "parted.onnx"
     onnx.save(onnx.load(SHIPPED_EXPORT), file, save_as_external_data=True, location="parted.data", size_threshold=0)
     with pytest.raises(ModelError, match=r"parted\.onnx: not a model that can be used: [^\n]*xternal"):
