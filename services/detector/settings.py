@@ -2,6 +2,7 @@
 
 import os
 from collections import Counter
+from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal, Self
@@ -35,14 +36,32 @@ SHIPPED_EXPORT = WEIGHTS_FOLDER / f"{SHIPPED}.onnx"
 GPU: Final = Path("/dev/nvidiactl")
 """Is there where NVIDIA's driver is."""
 
+WEIGHTS_SUFFIX: Final = ".pt"
+WEIGHTS_NEED: Final = ("torch", "ultralytics")
+"""Packages without which weights are of no use."""
+
+
+def not_installed(packages: Iterable[str]) -> list[str]:
+    """Return those of some packages that are missing here. Imports none of them."""
+    return [each for each in packages if find_spec(each) is None]
+
+
+def is_weights(model: str) -> bool:
+    """Whether a name is that of Ultralytics weights, here or to be downloaded."""
+    return Path(model).suffix.lower() == WEIGHTS_SUFFIX
+
+
+def is_openvino_folder(path: Path) -> bool:
+    """Whether a path is a folder with a model that was exported for OpenVINO."""
+    return path.is_dir() and any(path.glob("*.xml"))
+
 
 def shipped_file(device: str | None, runtime: str | None) -> Path:
     """Return the file of the shipped model: the exported one on a processor, where ONNX Runtime can read it."""
     on = (device or ("cuda" if GPU.exists() else "cpu")).strip().lower()
     wants_torch = runtime in ("torch", "tensorrt") or on != "cpu"
-    can_read = find_spec("onnxruntime") is not None
-    has_torch = all(find_spec(each) is not None for each in ("torch", "ultralytics"))
-    return SHIPPED_MODEL if has_torch and (wants_torch or not can_read) else SHIPPED_EXPORT
+    can_read, can_run_weights = not not_installed(["onnxruntime"]), not not_installed(WEIGHTS_NEED)
+    return SHIPPED_MODEL if can_run_weights and (wants_torch or not can_read) else SHIPPED_EXPORT
 
 
 def shipped_path(model: str) -> str:
@@ -53,7 +72,7 @@ def shipped_path(model: str) -> str:
 
 def check_is_file(option: str, weights: str) -> None:
     """Raise ValueError for weights that are not here, and are not to be downloaded. option: that names them."""
-    if Path(weights).is_dir() and any(Path(weights).glob("*.xml")):  # exported for OpenVINO
+    if is_openvino_folder(Path(weights)):
         return
     if Path(weights).is_dir():
         raise ValueError(f"{option} {printable(weights)}: a folder")

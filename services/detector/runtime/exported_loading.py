@@ -52,9 +52,7 @@ def running_export(
             model.digest, longest, "cpu", threads, settings.cache, spare=folder, candidates=candidates
         )
         runtime, engine = choose(make, place, blank)
-    (output,) = engine.run(blank)
-    prototypes = 0 if output.prototypes is None else len(output.prototypes)
-    refiner = None if model.refiner is None else _refiner(model.refiner, model, threads, prototypes)
+    refiner = None if model.refiner is None else _refiner(model.refiner, model, engine, blank, threads)
     return RunningModel(runtime, engine, None, refiner, many=gpu is not None and model.many)
 
 
@@ -115,8 +113,12 @@ def _made(runtime: Runtime, file: Path, threads: int, gpu: int | None) -> Engine
     return OnnxEngine(file, threads, gpu=gpu)
 
 
-def _refiner(content: bytes, model: ExportedModel, threads: int, prototypes: int) -> Refiner | None:
+def _refiner(
+    content: bytes, model: ExportedModel, engine: Engine, blank: NDArray[np.uint8], threads: int
+) -> Refiner | None:
     """Return the refiner under ONNX Runtime; None, with a warning, where it does not work: masks then stay coarse."""
+    (output,) = engine.run(blank)
+    prototypes = 0 if output.prototypes is None else len(output.prototypes)
     try:
         from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415 - as above
 

@@ -52,14 +52,13 @@ class ExportedModel(ModelFile):
 
     file: to be loaded, the ONNX or the .xml file. fixed: height and width of the only input that it takes, None where
     it takes any. many: whether it takes more than one image at once. refiner: of its masks as the content of an ONNX
-    file, if it has one and it is wanted. source: SHA-256 of the weights, empty where it is not told.
+    file, if it has one and it is wanted.
     """
 
     file: Path
     fixed: tuple[int, int] | None
     many: bool
     refiner: bytes | None
-    source: str
 
 
 class _ExportError(ValueError):
@@ -179,7 +178,6 @@ def _described(path: Path, file: Path, told: Mapping[str, Any], shape: Shape, *,
         fixed=fixed,
         many=images is None,
         refiner=_refiner(told) if refine else None,
-        source=str(told.get(SOURCE, "")),
     )
 
 
@@ -203,6 +201,6 @@ def _refiner(told: Mapping[str, Any]) -> bytes | None:
 def _digest(file: Path) -> str:
     """Return the SHA-256 of a model's file, and of the weights beside an .xml file."""
     digest = hashlib.sha256(file.read_bytes())
-    if (beside := file.with_suffix(".bin")) != file and file.suffix == ".xml":
-        digest.update(beside.read_bytes())
+    if file.suffix == ".xml":
+        digest.update(file.with_suffix(".bin").read_bytes())
     return digest.hexdigest()

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
@@ -23,7 +22,7 @@ from services.detector.runtime.model_file import ModelFile, is_exported
 from services.detector.runtime.offline import keep_offline, keep_torch_offline, set_environment
 from services.detector.runtime.pipeline import Facts, Pipeline
 from services.detector.runtime.refinement.refiner import Refiner
-from services.detector.settings import LEAST_SIDE, MOST_SIDE, DetectorSettings
+from services.detector.settings import LEAST_SIDE, MOST_SIDE, WEIGHTS_NEED, DetectorSettings, not_installed
 from services.detector.tracking.confirmed_tracks import NEUTRAL, neutral_score
 from services.detector.tracking.trackers import CameraTracker
 from services.detector.tracking.tracks import Tracking
@@ -156,7 +155,7 @@ def read_model(
     if is_exported(model):
         set_environment(folder, download=download)
         return read_exported(model, option, refine=refine, nms=nms, side=side)
-    if missing := [each for each in ("torch", "ultralytics") if find_spec(each) is None]:
+    if missing := not_installed(WEIGHTS_NEED):
         raise ModelError(
             f"{option} {model}: {missing[0]} is not installed; see fleetsight's extra [detector], or export the model"
             " where it is: fleetsight model export"
@@ -227,7 +226,7 @@ def tracking(settings: DetectorSettings, model: Model, is_shipped: Callable[[], 
     if settings.tracker == "off":
         return None
     if settings.tracker == "bytetrack":
-        if missing := [each for each in ("torch", "ultralytics") if find_spec(each) is None]:
+        if missing := not_installed(WEIGHTS_NEED):
             raise ModelError(
                 f"--tracker bytetrack: {missing[0]} is not installed; see fleetsight's extra [detector], or use botsort"
             )

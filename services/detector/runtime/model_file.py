@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from services.detector.runtime.postprocess import Head
+from services.detector.settings import is_openvino_folder
 
 SEGMENT: Final = "segment"
 TASKS: Final = (SEGMENT, "detect")
 COLOURS: Final = 3
 """Channels of a camera's image."""
 
-WEIGHTS_SUFFIX: Final = ".pt"
 ONNX_SUFFIX: Final = ".onnx"
 EXPORTS: Final = "an ONNX file or a folder of OpenVINO's"
 
@@ -44,7 +44,7 @@ class NamesError(ValueError):
 def is_exported(model: str) -> bool:
     """Whether a path names an exported model: an ONNX file, or a folder as OpenVINO has it."""
     path = Path(model)
-    return path.suffix.lower() == ONNX_SUFFIX or (path.is_dir() and any(path.glob("*.xml")))
+    return path.suffix.lower() == ONNX_SUFFIX or is_openvino_folder(path)
 
 
 def class_names(given: Any, classes: int | None = None) -> dict[int, str]:

@@ -18,7 +18,6 @@ from services.detector.runtime.model_file import (
     EXPORTS,
     SEGMENT,
     TASKS,
-    WEIGHTS_SUFFIX,
     ModelFile,
     NamesError,
     class_names,
@@ -26,6 +25,7 @@ from services.detector.runtime.model_file import (
 from services.detector.runtime.nms_branches import HeadError, head_of
 from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.torch_refiner import network_in
+from services.detector.settings import WEIGHTS_SUFFIX, is_weights
 
 NEEDED: Final = "torch 2.6 and Ultralytics 8.4.175"
 """What the extra [detector] asks for; Ultralytics before 8.4.68 does not read weights as data alone."""
@@ -56,7 +56,7 @@ def load_weights(
     what = f"{option} {model}"
     if not getattr(getattr(tasks, "_SafeLoad", None), "SUPPORTED", False):
         raise ModelError(f"{what}: what is in it would be executed: {NEEDED} or later are needed")
-    if Path(model).suffix.lower() != WEIGHTS_SUFFIX:
+    if not is_weights(model):
         raise ModelError(f"{what}: neither Ultralytics weights, which end in {WEIGHTS_SUFFIX}, nor {EXPORTS}")
     try:
         path = Path(model)

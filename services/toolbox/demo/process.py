@@ -14,7 +14,7 @@ from rich.console import Console
 from bus import open_bus
 from bus.clocks import clock_id
 from schemas.printing import printable
-from services.detector.settings import shipped_file
+from services.detector.settings import is_weights, shipped_file
 from services.monitor.display import notes_of, show
 from services.monitor.fleet import Fleet
 from services.monitor.monitor import Monitor
@@ -72,7 +72,7 @@ def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str
     """Return each process's command line by name; the robots' ROS masters use `master_port` and the ports after it."""
     # Weights under torch at once: whatever is quicker is exported first, which takes longer than most demos.
     model = settings.model or str(shipped_file(None, None))
-    runtime = "torch" if model.lower().endswith(".pt") else "onnx"
+    runtime = "torch" if is_weights(model) else "onnx"
     simulator = [
         *("simulate", "--robots", str(settings.robots), "--hz", str(settings.hz), "--summary"),
         *("--seed", str(SEED), "--warehouses", "1"),  # so that all of them are on one map

@@ -13,6 +13,7 @@ from services.detector.settings import (
     LookSettings,
     Runtime,
     check_is_file,
+    is_weights,
     shipped_file,
     shipped_path,
 )
@@ -29,10 +30,6 @@ LOCAL: Final = {"model", "detection_model", "download", "runtime", *LookSettings
 }
 """Settings that change what --local finds, and say nothing to a worker. As options they are refused without --local; in
 an environment or a file, which other commands share, they may stand."""
-
-
-def _is_weights(file: str) -> bool:
-    return file.lower().endswith(".pt")
 
 
 class DetectSettings(LookSettings, BusSettings):
@@ -103,9 +100,9 @@ class DetectSettings(LookSettings, BusSettings):
         """The settings of the model that runs here."""
         chosen = {name: getattr(self, name) for name in LookSettings.model_fields}
         boxes = self.detection_model
-        wanted = self.runtime or ("torch" if boxes is not None and _is_weights(boxes) else None)
+        wanted = self.runtime or ("torch" if boxes is not None and is_weights(boxes) else None)
         model = str(shipped_file(self.device, wanted)) if self.model in (None, SHIPPED) else self.model
-        weights = all(_is_weights(each) for each in (model, boxes) if each is not None)
+        weights = all(is_weights(each) for each in (model, boxes) if each is not None)
         return DetectorSettings(
             model=model,
             detection_model=boxes,

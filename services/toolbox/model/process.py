@@ -5,9 +5,8 @@ import getpass
 import socket
 import sys
 import tempfile
-from collections.abc import Awaitable, Callable, Mapping
-from contextlib import suppress
-from importlib.util import find_spec
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -16,7 +15,7 @@ from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
 from schemas.models import MAX_MODEL_BYTES, SHORT_DIGEST, ModelRegistry, ModelUse, PublishedModel
 from schemas.printing import printable
-from services.detector.settings import DetectorSettings
+from services.detector.settings import WEIGHTS_NEED, DetectorSettings, not_installed
 from services.model_registry.client import ask_registry, publish_model, use_model
 from services.model_registry.registry import digest_of
 from services.toolbox.model.listing import absent_robots, as_json, as_table, worker_statuses
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from services.detector.runtime.model_file import ModelFile
 
 FAILED: Final = 1
-EXPORTERS: Final = ("torch", "ultralytics", "onnx")
+EXPORTERS: Final = (*WEIGHTS_NEED, "onnx")
 """Packages that an export needs."""
 
 MIN_PREFIX: Final = 4
@@ -92,14 +91,27 @@ def _described(file: Path, name: str) -> PublishedModel:
     size = file.stat().st_size
     if size > MAX_MODEL_BYTES:
         raise _ModelCommandError(f"{file} has {size} bytes: the registry takes files of {MAX_MODEL_BYTES} at most")
-    weights = _read(file, "publish")
-    _try(file)
     from services.detector.runtime.model_file import is_exported  # noqa: PLC0415 - publishing needs the extra
 
+    weights = _read(file, "publish")
+    form: Literal["onnx", "pt"] = "onnx" if is_exported(str(file)) else "pt"
+    if form == "onnx":
+        _try(file)
     names = list(dict.fromkeys(weights.names.values()))
     about = f"{'segmentation' if weights.segments else 'detection'} of {', '.join(names)}"[:MAX_LABEL]
-    form: Literal["onnx", "pt"] = "onnx" if is_exported(str(file)) else "pt"
     return PublishedModel(digest=digest_of(file), name=name, size=size, by=_myself(), about=about, form=form)
+
+
+@contextmanager
+def _own_errors() -> Iterator[Path]:
+    """Give a folder for as long as the context lasts; a ModelError there becomes this command's."""
+    from services.detector.model import ModelError  # noqa: PLC0415 - some tasks alone need the extra
+
+    with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
+        try:
+            yield Path(folder)
+        except ModelError as error:
+            raise _ModelCommandError(str(error)) from error
 
 
 def _read(file: Path, option: str, **options: Any) -> "ModelFile":
@@ -108,30 +120,19 @@ def _read(file: Path, option: str, **options: Any) -> "ModelFile":
     Raises:
         _ModelCommandError: it is no model that detectors could use.
     """
-    from services.detector.model import ModelError  # noqa: PLC0415 - these tasks alone need the extra
     from services.detector.runtime.loading import read_model  # noqa: PLC0415 - as above
 
-    with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
-        try:
-            return read_model(str(file), Path(folder), option, **options)
-        except ModelError as error:
-            raise _ModelCommandError(str(error)) from error
+    with _own_errors() as folder:
+        return read_model(str(file), folder, option, **options)
 
 
 def _try(file: Path) -> None:
     """Run an exported model once: unlike weights, it is a program, which may never end. Raises as `_read` does."""
-    from services.detector.model import ModelError  # noqa: PLC0415 - as above
     from services.detector.runtime.loading import load  # noqa: PLC0415 - as above
-    from services.detector.runtime.model_file import is_exported  # noqa: PLC0415 - as above
 
-    if not is_exported(str(file)):
-        return
-    with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
+    with _own_errors() as folder:
         chosen = {"model": str(file), "runtime": "onnx", "device": "cpu", "cache": folder}
-        try:
-            load(DetectorSettings.model_validate(chosen), Path(folder)).close()
-        except ModelError as error:
-            raise _ModelCommandError(str(error)) from error
+        load(DetectorSettings.model_validate(chosen), folder).close()
 
 
 async def _export(settings: ModelSettings) -> None:
@@ -141,21 +142,18 @@ async def _export(settings: ModelSettings) -> None:
 
 
 def _exported(settings: ModelSettings) -> bytes:
-    if missing := [each for each in EXPORTERS if find_spec(each) is None]:
+    if missing := not_installed(EXPORTERS):
         raise _ModelCommandError(
             f"export: {missing[0]} is not installed; it comes with pip install -c constraints.txt '.[onnx]'"
         )
-    from services.detector.model import ModelError  # noqa: PLC0415 - as above
     from services.detector.runtime.portable import portable  # noqa: PLC0415 - as above
     from services.detector.runtime.weights import Weights  # noqa: PLC0415 - as above
 
     weights = _read(settings.file, "export", nms=settings.nms)
     if not isinstance(weights, Weights):
         raise _ModelCommandError(f"{settings.target} is exported already")
-    try:
+    with _own_errors():
         return portable(weights, settings.image_size or weights.longest)
-    except ModelError as error:
-        raise _ModelCommandError(str(error)) from error
 
 
 def _myself() -> str:

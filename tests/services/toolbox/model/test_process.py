@@ -78,12 +78,13 @@ async def test_publish_says_what_the_model_detects_and_how_to_use_it(
     assert capsys.readouterr().out == f"published already: {model.label}, by {model.by}\n"
 
 
-async def test_a_file_that_is_no_checkpoint_is_not_published(
-    site: Site, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(("name", "content"), [("bad.pt", b"no weights"), ("bad.onnx", b"no model")])
+async def test_a_file_that_is_no_model_is_not_published(
+    name: str, content: bytes, site: Site, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "bad.pt").write_bytes(b"no weights")
-    assert await site.run("publish", str(tmp_path / "bad.pt")) == 1
-    assert f"fleetsight model: publish {tmp_path}/bad.pt: not a model that can be used" in capsys.readouterr().err
+    (tmp_path / name).write_bytes(content)
+    assert await site.run("publish", str(tmp_path / name)) == 1
+    assert f"fleetsight model: publish {tmp_path}/{name}: not a model that can be used" in capsys.readouterr().err
     assert (await site.state()).models == []
 
 
@@ -267,12 +268,3 @@ async def test_an_exported_model_is_made_and_published_as_what_it_is(
     capsys.readouterr()
     assert await site.run("export", str(file), output=tmp_path / "again.onnx") == 1
     assert capsys.readouterr().err == f"fleetsight model: {file} is exported already\n"
-
-
-async def test_an_exported_model_that_cannot_run_is_not_published(
-    site: Site, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "bad.onnx").write_bytes(b"no model")
-    assert await site.run("publish", str(tmp_path / "bad.onnx")) == 1
-    assert f"publish {tmp_path}/bad.onnx: not a model that can be used" in capsys.readouterr().err
-    assert (await site.state()).models == []
