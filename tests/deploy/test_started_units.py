@@ -72,7 +72,7 @@ def settings(name: str) -> str:
 def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
     require_containers()
     archive = root_archive(tmp_path_factory)
-    tree = make_root(tmp_path_factory.mktemp("machine") / "tree", archive, "systemd-sysv", "dbus")
+    tree = make_root(tmp_path_factory.mktemp("machine") / "tree", archive, "systemd-sysv", "dbus", "python3-venv")
     (tree / "root/fleet.yaml").write_text("robots: [r1]\n", encoding="utf-8")
     set_up(tree, wheels(tmp_path_factory), script())
     for name in SETTINGS:
