@@ -6,7 +6,7 @@ from gateway.settings import GatewaySettings
 from gateway.to_bus.shaping.consumers import stays_near
 from services.cloud.settings import CloudSettings
 from services.distance.settings import DistanceSettings
-from tests.deploy.units import command, example, unit, values
+from tests.deploy.units import command, example, values
 
 
 @pytest.mark.parametrize(("service", "model"), [("distance", DistanceSettings), ("cloud", CloudSettings)])
@@ -20,11 +20,6 @@ def test_the_unit_starts_what_measures_beside_the_gateway_for_its_robot_alone(
     assert found.robots == [gateway.robot]
     assert found.connect == gateway.listen
     assert stays_near(gateway)
-
-
-def test_both_units_are_confined_alike() -> None:
-    gateway, space = (lines[lines.index("NoNewPrivileges=yes") :] for lines in map(unit, ("gateway", "space@")))
-    assert gateway == space
 
 
 @pytest.mark.parametrize("name", ["gateway", "space@"])
