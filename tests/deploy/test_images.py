@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from services.toolbox.settings import load
+from tests.deploy import secured
 from tests.deploy.helm import NAME, render
 from tests.deploy.kube import playable
 from tests.deploy.machine import require_containers, root_archive, wheels
@@ -156,6 +157,56 @@ def test_all_end_in_order(fleet: Podman) -> None:
         fleet.run("stop", "--time=10", f"deploy_{name}_1")
         (described,) = json.loads(fleet.run("inspect", f"deploy_{name}_1"))
         assert (name, described["State"]["ExitCode"]) == (name, 0)
+
+
+def test_the_chart_s_pods_with_certificates_keep_their_history_in_postgresql(podman: Podman, tmp_path: Path) -> None:
+    """Ends before `cluster` begins, whose pods have the same names."""
+    manifests = playable([*render(secured.VALUES), *secured.make_secrets(tmp_path)], tmp_path)
+    joined = ["run", "--detach", "--pull=never", "--read-only", "--cap-drop=all"]
+    with podman.playing(manifests, "cluster"):
+        password = f"--env=PASSWORD={secured.PASSWORD}"
+        database = [password, "--tmpfs=/tmp", "--network=cluster", "localhost/fleetsight-postgresql"]
+        podman.run(*joined, "--name=database", *database)
+        robot = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11311"]
+        podman.run(*joined, "--name=robot", "--network=cluster", *robot)
+        gateway = ["gateway", f"--robot={secured.ROBOT}", f"--connect=tls/{NAME}-monitor:7447", "--tls=/tls/r1"]
+        beside = ["--network=container:robot", f"--volume={tmp_path}/robot:/tls:ro", "localhost/fleetsight-gateway"]
+        podman.run(*joined, "--name=gateway", *beside, *gateway)
+        eventually(podman, pod("monitor"), "r1/camera: online")
+        eventually(podman, pod("distance"), "serving 1 cameras")
+        eventually(podman, pod("worldmodel"), "serving it")
+        present = 'PGPASSWORD=$PASSWORD psql -h 127.0.0.1 -U fleetsight -d postgres -Atc "table presence"'
+        end = time.monotonic() + DEADLINE_S
+        while "r1||" not in (rows := podman.run("exec", "database", "sh", "-c", present)):
+            assert time.monotonic() < end, rows
+            time.sleep(0.5)
+        add = (
+            "echo a-long-password | fleetsight users add alice --role viewer >/dev/null && fleetsight users token alice"
+        )
+        token = podman.run("exec", pod("monitor"), "sh", "-c", add).split()[-1]
+        assert ask(podman, "/healthz")[0] == '{"status":"ok"}', "links are open to all, or something is wrong"
+        assert ask(podman, "/metrics")[1] == "401"
+        end = time.monotonic() + DEADLINE_S
+        while (answer := ask(podman, "/metrics", f"Authorization: Bearer {token}"))[1] != "200":
+            assert time.monotonic() < end, answer  # a running monitor knows new users within seconds
+            time.sleep(0.5)
+        assert 'fleetsight_robot_online{robot="r1"} 1.0' in answer[0]
+
+
+def ask(podman: Podman, path: str, *headers: str) -> tuple[str, str]:
+    """Return what the monitor answers another pod, as Prometheus would ask it, and its status."""
+    script = (
+        "import sys, urllib.error, urllib.request as web\n"
+        "asked = web.Request(sys.argv[1], headers=dict(each.split(': ') for each in sys.argv[2:]))\n"
+        "try: answer = web.urlopen(asked, timeout=9)\n"
+        "except urllib.error.HTTPError as error: answer = error\n"
+        "print(answer.read().decode() + '\\n' + str(answer.status))"
+    )
+    url = f"http://{NAME}-monitor:8080{path}"
+    body, _, status = (
+        podman.run("exec", pod("distance"), "python3", "-c", script, url, *headers).strip().rpartition("\n")
+    )
+    return body, status
 
 
 @pytest.fixture(scope="module")
