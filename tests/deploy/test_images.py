@@ -16,6 +16,7 @@ from tests.deploy import secured
 from tests.deploy.helm import NAME, render
 from tests.deploy.kube import playable
 from tests.deploy.machine import require_containers, root_archive, wheels
+from tests.deploy.old_podman import REFUSING, OldPodman
 from tests.deploy.podman import PYTHON, Podman
 from tests.deploy.units import DEPLOY, command
 
@@ -75,6 +76,21 @@ def test_a_robot_s_image_and_a_router_s_can_get_certificates(podman: Podman, tar
 def test_an_image_for_robots_and_one_for_processors_are_small(podman: Podman, target: str) -> None:
     (described,) = json.loads(podman.run("inspect", f"localhost/fleetsight-{target}"))
     assert described["Size"] / 1e6 <= LARGEST_MB[target]
+
+
+def test_a_robot_s_image_runs_under_a_podman_of_ubuntu_20_04_s_age(podman: Podman, tmp_path: Path) -> None:
+    """Its C library starts threads by clone3, which is newer; a Docker that refuses that cannot run the image."""
+    image, archive = "localhost/fleetsight-gateway", tmp_path / "gateway.tar"
+    podman.run("save", "--quiet", "--format=docker-archive", f"--output={archive}", image)
+    old = OldPodman(tmp_path / "tree")
+    old.load(archive)
+    doctor = ("doctor", "--robot=r1", "--ros-master=http://127.0.0.1:1", "--connect=tcp/127.0.0.1:1")
+    assert old.run(image, "--version").stdout == f"fleetsight {version('fleetsight')}\n"
+    assert "tcp/127.0.0.1:1: no router listens there" in old.run(image, *doctor).stdout
+    refusing = f"--security-opt=seccomp=/srv/{REFUSING}"
+    assert "can't start new thread" in old.run(refusing, image, "--version").stderr
+    unconfined = old.run("--security-opt=seccomp=unconfined", image, *doctor)
+    assert "tcp/127.0.0.1:1: no router listens there" in unconfined.stdout, unconfined.stderr
 
 
 @pytest.fixture(scope="module")
