@@ -25,7 +25,7 @@ A_MINUTE = "0.0007"
 """Days for which the certificate is good: its last third comes while the test waits."""
 
 WATCHED = (*(each for each in SERVICES if each != "space@cloud"), "enrolment")
-WATCHDOG_S = 5
+WATCHDOG_S = 10
 FED = "WatchdogTimestampMonotonic"
 CENTRAL = "tcp/127.0.0.1:7457"
 """Where the monitor of this one machine listens: a robot's gateway has 7447."""
@@ -139,7 +139,7 @@ def hung(machine: Machine) -> dict[str, str]:
 @pytest.mark.parametrize("name", WATCHED)
 def test_a_process_that_hangs_is_started_again(machine: Machine, hung: dict[str, str], name: str) -> None:
     unit = f"fleetsight-{name}"
-    machine.until(lambda: machine.show(unit, "NRestarts") == "1", "the watchdog notices")
+    machine.until(lambda: machine.show(unit, "NRestarts") != "0", "the watchdog notices")
     machine.until(lambda: machine.show(unit, "ActiveState") == "active", "it runs again")
     assert machine.show(unit, "MainPID") not in ("0", hung[name])
     assert "watchdog" in machine.log(unit).lower()
