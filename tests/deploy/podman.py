@@ -13,6 +13,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
+import pytest
+
 from tests.deploy.machine import checked
 from tests.deploy.units import DEPLOY
 
@@ -36,6 +38,7 @@ Runs where there is no systemd, with hybrid cgroups, and where limits cannot be 
 """
 
 DEADLINE_S: Final = 900
+PATIENCE_S: Final = 60
 TRIES = 5
 
 
@@ -77,6 +80,16 @@ class Podman:
         return subprocess.run(
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False, env=self._environment
         ).stdout
+
+    def until_said(self, container: str, said: str, *options: str) -> None:
+        """Wait until a container wrote something; fail with what all wrote."""
+        end = time.monotonic() + PATIENCE_S
+        while said not in self.logs(container, *options):
+            if time.monotonic() > end:
+                names = self.run("ps", "--all", "--format={{.Names}}").split()
+                told = "\n".join(f"{each}: {self.logs(each)[-2000:]}" for each in names)
+                pytest.fail(f"{container} did not say {said!r}\n{told}")
+            time.sleep(0.5)
 
     def compose(self, *command: str, **environment: str) -> str:
         """Return the output of podman-compose with the project's file."""

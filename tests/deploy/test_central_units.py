@@ -10,9 +10,6 @@ from services.toolbox.settings import load
 from services.worldmodel.settings import WorldSettings
 from tests.deploy.units import command, example, unit, values
 
-CONFINED = "NoNewPrivileges="
-OF_DEVICES = {"PrivateDevices=yes", "ProtectClock=yes"}
-
 
 @pytest.fixture(autouse=True)
 def _a_service_s_environment(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,12 +59,3 @@ def test_what_the_detector_exports_is_kept(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setenv(*variable.split("="))
     (folder,) = values("detector", "CacheDirectory")
     assert example(DetectorSettings, "detector.yaml").cache == Path("/var/cache") / folder
-
-
-def test_they_are_confined_as_a_gateway_is_and_the_detector_may_use_gpus() -> None:
-    gateway, monitor, detector = (
-        [line for line in lines[lines.index(f"{CONFINED}yes") :] if line]
-        for lines in map(unit, ("gateway", "monitor", "detector"))
-    )
-    assert monitor == gateway
-    assert detector == [line for line in gateway if line not in OF_DEVICES] != gateway

@@ -170,6 +170,10 @@ def test_a_detector_gets_its_gpus_and_weights(rendered: dict[str, list[dict[str,
     (container,) = pod["containers"]
     assert container["resources"]["limits"] == {"memory": "4Gi", "nvidia.com/gpu": 2}
     assert "/fleetsight-detector:" in container["image"]
+    assert pod["nodeSelector"] == {"gpu": "yes"}
+    assert pod["tolerations"] == [{"key": "nvidia.com/gpu", "operator": "Exists"}]
+    (plain,) = find(rendered["defaults"], "Deployment", "detector")["spec"]["template"]["spec"]["containers"]
+    assert (plain["resources"]["limits"].keys(), "/fleetsight-detector-cpu:" in plain["image"]) == ({"memory"}, True)
     assert {"name": "models", "persistentVolumeClaim": {"claimName": "weights", "readOnly": True}} in pod["volumes"]
     assert yaml.safe_load(settings_of(rendered["GPU"])["detector"])["model"] == "/models/my-seg.pt"
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import time
 from collections.abc import Iterator, Mapping
 from importlib.metadata import version
@@ -10,16 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from packaging.utils import canonicalize_name
 
 from deploy.release import images, needed
-from services.toolbox.settings import load
+from tests.deploy import secured
 from tests.deploy.helm import NAME, render
-from tests.deploy.kube import playable
+from tests.deploy.kube import ask, playable, pod
 from tests.deploy.machine import require_containers, root_archive, wheels
+from tests.deploy.old_podman import REFUSING, OldPodman
 from tests.deploy.podman import BASE, SIMULATED, Podman
-from tests.deploy.units import DEPLOY, command
+from tests.deploy.units import DEPLOY
 
 pytestmark = pytest.mark.timeout(1800)  # seven images are built first
 
@@ -101,6 +100,21 @@ def test_an_image_for_robots_and_one_for_processors_are_small(podman: Podman, ta
     assert described["Size"] / 1e6 <= LARGEST_MB[target]
 
 
+def test_a_robot_s_image_runs_under_a_podman_of_ubuntu_20_04_s_age(podman: Podman, tmp_path: Path) -> None:
+    """Its C library starts threads by clone3, which is newer; a Docker that refuses that cannot run the image."""
+    image, archive = "localhost/fleetsight-gateway", tmp_path / "gateway.tar"
+    podman.run("save", "--quiet", "--format=docker-archive", f"--output={archive}", image)
+    old = OldPodman(tmp_path / "tree")
+    old.load(archive)
+    doctor = ("doctor", "--robot=r1", "--ros-master=http://127.0.0.1:1", "--connect=tcp/127.0.0.1:1")
+    assert old.run(image, "--version").stdout == f"fleetsight {version('fleetsight')}\n"
+    assert "tcp/127.0.0.1:1: no router listens there" in old.run(image, *doctor).stdout
+    refusing = f"--security-opt=seccomp=/srv/{REFUSING}"
+    assert "can't start new thread" in old.run(refusing, image, "--version").stderr
+    unconfined = old.run("--security-opt=seccomp=unconfined", image, *doctor)
+    assert "tcp/127.0.0.1:1: no router listens there" in unconfined.stdout, unconfined.stderr
+
+
 @pytest.fixture(scope="module")
 def fleet(podman: Podman) -> Iterator[Podman]:
     podman.compose(*SIMULATED, "up", "--detach", "--no-build")
@@ -108,20 +122,10 @@ def fleet(podman: Podman) -> Iterator[Podman]:
     podman.compose(*SIMULATED, "down", "--volumes")
 
 
-def eventually(podman: Podman, container: str, said: str, *options: str) -> None:
-    end = time.monotonic() + DEADLINE_S
-    while said not in podman.logs(container, *options):
-        if time.monotonic() > end:
-            names = podman.run("ps", "--all", "--format={{.Names}}").split()
-            told = "\n".join(f"{each}: {podman.logs(each)[-2000:]}" for each in names)
-            pytest.fail(f"{container} did not say {said!r}\n{told}")
-        time.sleep(0.5)
-
-
 def test_a_simulated_robot_s_data_reaches_the_centre(fleet: Podman) -> None:
-    eventually(fleet, "deploy_monitor_1", "r1/camera: online")
-    eventually(fleet, "deploy_distance_1", "serving 1 cameras")
-    eventually(fleet, "deploy_worldmodel_1", "serving it")
+    fleet.until_said("deploy_monitor_1", "r1/camera: online")
+    fleet.until_said("deploy_distance_1", "serving 1 cameras")
+    fleet.until_said("deploy_worldmodel_1", "serving it")
     told = fleet.run("exec", "deploy_gateway_1", "fleetsight", "doctor", "--connect", "tcp/monitor:7447")
     assert "r1: its gateway" in told
 
@@ -212,7 +216,7 @@ def test_prometheus_has_the_metrics_and_our_rules(fleet: Podman) -> None:
 def test_a_process_that_is_killed_keeps_what_it_had(fleet: Podman) -> None:
     fleet.run("kill", "--signal=KILL", "deploy_monitor_1")
     fleet.run("start", "deploy_monitor_1")
-    eventually(fleet, "deploy_monitor_1", "r1/camera: online", "--since=1m")
+    fleet.until_said("deploy_monitor_1", "r1/camera: online", "--since=1m")
 
 
 def test_all_end_in_order(fleet: Podman) -> None:
@@ -225,31 +229,18 @@ def test_all_end_in_order(fleet: Podman) -> None:
 @pytest.fixture
 def central(podman: Podman, tmp_path: Path) -> Iterator[Podman]:
     """What is central for real robots, with certificates of `fleetsight pki`."""
-    folder = tmp_path / "tls"
-    issue = "pki init --folder /tls/pki && for name in monitor detector space worldmodel r1; do pki issue $name; done"
-    script = "cd /tls && {} && fleetsight access fleet.yaml --folder pki --to access.json".format(
-        issue.replace("pki i", "fleetsight pki i")
-    )
-    folder.mkdir(mode=0o777)
-    folder.chmod(0o777)
-    (folder / "fleet.yaml").write_text(
-        "robots: [r1]\nroles: {monitor: monitor, detector: detector, space: space, worldmodel: worldmodel}\n"
-    )
-    mounted = ["--rm", "--pull=never", "--network=none", f"--volume={folder}:/tls", "--entrypoint=sh"]
-    podman.run("run", *mounted, "localhost/fleetsight-monitor", "-c", script)
-    for name in ("monitor", "detector", "space", "worldmodel", "r1"):
-        own = folder / name
-        own.mkdir()
-        for file in ("ca.pem", f"{name}.pem", f"{name}.key"):
-            shutil.copy(folder / "pki" / file, own)
-            shutil.chown(own / file, 10001, 10001)
-    shutil.copy(folder / "access.json", folder / "monitor")
+    names = ("monitor", "detector", "space", "worldmodel")
+    authority = secured.make_certificates(tmp_path, {name: name for name in names})
+    for name in (*names, secured.ROBOT):
+        secured.give(authority, name, tmp_path / name)
+    secured.give_file(tmp_path / "access.json", tmp_path / "monitor")
     files = ["--project-name=central", "--file", str(DEPLOY / "compose.robots.yaml")]
+    folder = {"FLEETSIGHT_TLS_FOLDER": str(tmp_path)}
     try:
-        podman.compose(*files, "up", "--detach", "--no-build", FLEETSIGHT_TLS_FOLDER=str(folder))
+        podman.compose(*files, "up", "--detach", "--no-build", **folder)
         yield podman
     finally:
-        podman.compose(*files, "down", "--volumes", FLEETSIGHT_TLS_FOLDER=str(folder))
+        podman.compose(*files, "down", "--volumes", **folder)
 
 
 def test_real_robots_are_served_over_links_with_certificates_and_others_are_not(
@@ -259,18 +250,54 @@ def test_real_robots_are_served_over_links_with_certificates_and_others_are_not(
     confined = ["--detach", "--pull=never", "--read-only", "--cap-drop=all", "--network=host"]
     simulator = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11399"]
     gateway = ["localhost/fleetsight-gateway", "gateway", "--robot=r1", "--ros-master=http://127.0.0.1:11399"]
-    tls = [f"--volume={tmp_path}/tls/r1:/tls:ro"]
+    tls = [f"--volume={tmp_path}/{secured.ROBOT}:/tls:ro"]
     try:
         central.run("run", *confined, "--name=robot", *simulator)
         central.run("run", *confined, *tls, "--name=r1", *gateway, "--connect=tls/127.0.0.1:7447", "--tls=/tls/r1")
         central.run("run", *confined, "--name=r2", *gateway, "--connect=tcp/127.0.0.1:7447")
         for name in ("detector", "distance", "cloud"):
-            eventually(central, f"central_{name}_1", "serving 1 cameras")
-        eventually(central, "central_worldmodel_1", "serving it")
-        eventually(central, "central_monitor_1", "r1/camera: online")
-        eventually(central, "r2", "waiting for tcp/127.0.0.1:7447")
+            central.until_said(f"central_{name}_1", "serving 1 cameras")
+        central.until_said("central_worldmodel_1", "serving it")
+        central.until_said("central_monitor_1", "r1/camera: online")
+        central.until_said("r2", "waiting for a link to tcp/127.0.0.1:7447")
     finally:
         central.run("rm", "--force", "--time=5", "robot", "r1", "r2")
+
+
+def test_the_chart_s_pods_with_certificates_keep_their_history_in_postgresql(podman: Podman, tmp_path: Path) -> None:
+    """Ends before `cluster` begins, whose pods have the same names."""
+    manifests = playable([*render(secured.VALUES), *secured.make_secrets(tmp_path)], tmp_path)
+    joined = ["run", "--detach", "--pull=never", "--read-only", "--cap-drop=all"]
+    with podman.playing(manifests, "cluster"):
+        password = f"--env=PASSWORD={secured.PASSWORD}"
+        database = [password, "--tmpfs=/tmp", "--network=cluster", "localhost/fleetsight-postgresql"]
+        podman.run(*joined, "--name=database", *database)
+        robot = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11311"]
+        podman.run(*joined, "--name=robot", "--network=cluster", *robot)
+        gateway = ["gateway", f"--robot={secured.ROBOT}", f"--connect=tls/{NAME}-monitor:7447", "--tls=/tls/r1"]
+        beside = ["--network=container:robot", f"--volume={tmp_path}/robot:/tls:ro", "localhost/fleetsight-gateway"]
+        podman.run(*joined, "--name=gateway", *beside, *gateway)
+        podman.until_said(pod("monitor"), "r1/camera: online")
+        podman.until_said(pod("distance"), "serving 1 cameras")
+        podman.until_said(pod("worldmodel"), "serving it")
+        present = 'PGPASSWORD=$PASSWORD psql -h 127.0.0.1 -U fleetsight -d postgres -Atc "table presence"'
+        end = time.monotonic() + DEADLINE_S
+        while "r1||" not in (rows := podman.run("exec", "database", "sh", "-c", present)):
+            assert time.monotonic() < end, rows
+            time.sleep(0.5)
+        add = (
+            "echo a-long-password | fleetsight users add alice --role viewer >/dev/null && fleetsight users token alice"
+        )
+        token = podman.run("exec", pod("monitor"), "sh", "-c", add).split()[-1]
+        assert ask(podman, pod("distance"), "/healthz")[0] == '{"status":"ok"}', (
+            "links are open to all, or something is wrong"
+        )
+        assert ask(podman, pod("distance"), "/metrics")[1] == "401"
+        end = time.monotonic() + DEADLINE_S
+        while (answer := ask(podman, pod("distance"), "/metrics", f"Authorization: Bearer {token}"))[1] != "200":
+            assert time.monotonic() < end, answer  # a running monitor knows new users within seconds
+            time.sleep(0.5)
+        assert 'fleetsight_robot_online{robot="r1"} 1.0' in answer[0]
 
 
 @pytest.fixture(scope="module")
@@ -290,11 +317,11 @@ def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
     cluster: tuple[Podman, list[Mapping[str, Any]]],
 ) -> None:
     podman, pods = cluster
-    eventually(podman, pod("monitor"), "r1/camera: online")
-    eventually(podman, pod("distance"), "serving 1 cameras")
-    eventually(podman, pod("cloud"), "serving 1 cameras")
-    eventually(podman, pod("worldmodel"), "serving it")
-    eventually(podman, pod("detector"), "serving 1 cameras")
+    podman.until_said(pod("monitor"), "r1/camera: online")
+    podman.until_said(pod("distance"), "serving 1 cameras")
+    podman.until_said(pod("cloud"), "serving 1 cameras")
+    podman.until_said(pod("worldmodel"), "serving it")
+    podman.until_said(pod("detector"), "serving 1 cameras")
     read = "import urllib.request as web; print(web.urlopen('http://{}-monitor:8080{}', timeout=9).read().decode())"
     probes = {each["containers"][0]["name"]: each["containers"][0]["livenessProbe"] for each in pods}
     assert probes.keys() == {"monitor", "detector", "distance", "cloud", "worldmodel"}
@@ -311,34 +338,3 @@ def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
     metrics = podman.run("exec", pod("cloud"), "python3", "-c", read.format(NAME, "/metrics"))
     assert 'fleetsight_robot_online{robot="r1"} 1.0' in metrics
     assert set(re.findall(r'busy_seconds_total{service="(\w+)"', metrics)) == {"detector", "distance", "cloud"}
-
-
-def pod(process: str) -> str:
-    """Return the name of the only container in a pod."""
-    return f"{NAME}-{process}-{process}"
-
-
-def test_each_service_of_compose_has_settings_that_its_command_takes(monkeypatch: pytest.MonkeyPatch) -> None:
-    services = yaml.safe_load((DEPLOY / "compose.yaml").read_text(encoding="utf-8"))["services"]
-    monkeypatch.delenv("FLEETSIGHT_HISTORY", raising=False)
-    assert set(STARTED) == set(services)
-    for each, service in services.items():
-        if each not in PEERS:
-            name, *options = service["command"]
-            for setting, value in service.get("environment", {}).items():
-                monkeypatch.setenv(setting, value.replace("${FLEETSIGHT_DB_PASSWORD:-fleetsight}", "fleetsight"))
-            load(command(name).load_settings(), options, prog=f"fleetsight {name}")
-        assert service["read_only"]
-        assert service["cap_drop"] == ["ALL"]
-
-
-def test_every_target_is_told_and_every_folder_that_is_copied_is_there() -> None:
-    text = (DEPLOY / "Containerfile").read_text(encoding="utf-8")
-    targets = [line.split()[-1] for line in text.splitlines() if line.startswith("FROM base AS")]
-    assert sorted(targets) == sorted([*EXTRAS, "detector"])
-    for line in text.splitlines():
-        if line.startswith("COPY ") and "--from" not in line:
-            assert all((DEPLOY.parent / name).exists() for name in line.split()[1:-1])
-            assert {f"!{name}" for name in line.split()[1:-1]} <= set(
-                (DEPLOY.parent / Path(".containerignore")).read_text(encoding="utf-8").splitlines()
-            )

@@ -24,7 +24,9 @@ TLS = "/etc/fleetsight/tls"
 A_MINUTE = "0.0007"
 """Days for which the certificate is good: its last third comes while the test waits."""
 
-WATCHDOG_S = 3
+WATCHED = (*(each for each in SERVICES if each != "space@cloud"), "enrolment")
+WATCHDOG_S = 10
+FED = "WatchdogTimestampMonotonic"
 CENTRAL = "tcp/127.0.0.1:7457"
 """Where the monitor of this one machine listens: a robot's gateway has 7447."""
 
@@ -79,7 +81,7 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Machine]:
         (tree / f"etc/fleetsight/{name}.yaml").write_text(settings(name), encoding="utf-8")
     enrolment = (units.DEPLOY / "enrolment.yaml").read_text(encoding="utf-8").replace("central", "127.0.0.1")
     (tree / "etc/fleetsight/enrolment.yaml").write_text(enrolment, encoding="utf-8")
-    shorter = tree / "etc/systemd/system/fleetsight-gateway.service.d"
+    shorter = tree / "etc/systemd/system/fleetsight-.service.d"  # of every unit whose name begins so
     shorter.mkdir()
     (shorter / "watchdog.conf").write_text(f"[Service]\nWatchdogSec={WATCHDOG_S}\n", encoding="utf-8")
     with booted(tree) as started:
@@ -112,13 +114,34 @@ def test_they_reach_each_other_and_the_monitor_is_healthy(machine: Machine) -> N
     assert machine.run("stat", "--format=%U %a", "/var/lib/fleetsight/history.db").split()[0] == "fleetsight"
 
 
-def test_a_process_that_hangs_is_started_again(machine: Machine) -> None:
-    unit = "fleetsight-gateway"
-    before = machine.show(unit, "MainPID")
-    machine.run("systemctl", "kill", "--signal=STOP", unit)
-    machine.until(lambda: machine.show(unit, "NRestarts") == "1", "the watchdog notices")
+@pytest.fixture(scope="module")
+def fed(machine: Machine) -> dict[str, str]:
+    """When each unit's watchdog was fed, all at the same time."""
+    return {name: machine.show(f"fleetsight-{name}", FED) for name in WATCHED}
+
+
+@pytest.mark.parametrize("name", WATCHED)
+def test_a_process_feeds_its_watchdog(machine: Machine, fed: dict[str, str], name: str) -> None:
+    unit = f"fleetsight-{name}"
+    assert machine.show(unit, "WatchdogUSec") == f"{WATCHDOG_S}s"
+    machine.until(lambda: int(machine.show(unit, FED)) > int(fed[name]), f"{unit} feeds its watchdog")
+    assert machine.show(unit, "NRestarts") == "0"
+
+
+@pytest.fixture(scope="module")
+def hung(machine: Machine) -> dict[str, str]:
+    """Stop all processes at the same time; return which they were."""
+    before = {name: machine.show(f"fleetsight-{name}", "MainPID") for name in WATCHED}
+    machine.run("systemctl", "kill", "--signal=STOP", *(f"fleetsight-{name}" for name in WATCHED))
+    return before
+
+
+@pytest.mark.parametrize("name", WATCHED)
+def test_a_process_that_hangs_is_started_again(machine: Machine, hung: dict[str, str], name: str) -> None:
+    unit = f"fleetsight-{name}"
+    machine.until(lambda: machine.show(unit, "NRestarts") != "0", "the watchdog notices")
     machine.until(lambda: machine.show(unit, "ActiveState") == "active", "it runs again")
-    assert machine.show(unit, "MainPID") not in ("0", before)
+    assert machine.show(unit, "MainPID") not in ("0", hung[name])
     assert "watchdog" in machine.log(unit).lower()
 
 

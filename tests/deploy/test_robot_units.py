@@ -1,9 +1,16 @@
+"""The units of a robot: its gateway, and what measures beside it."""
+
 import shlex
 from pathlib import Path
 
+import pytest
+
 from gateway.settings import GatewaySettings
+from gateway.to_bus.shaping.consumers import stays_near
+from services.cloud.settings import CloudSettings
+from services.distance.settings import DistanceSettings
 from services.toolbox.settings import load
-from tests.deploy.units import DEPLOY, command, values
+from tests.deploy.units import DEPLOY, command, example, values
 
 
 def settings(text: str, folder: Path) -> GatewaySettings:
@@ -28,3 +35,21 @@ def test_the_example_holds_settings_of_a_gateway(tmp_path: Path) -> None:
     thin = settings(said + on_a_thin_link.replace("# ", ""), tmp_path)
     assert (thin.max_hz_of("front/color"), thin.max_hz_of("front/depth")) == (10, 5)
     assert (thin.factor_of("front/color"), thin.factor_of("front/depth"), thin.uplink_mbit) == (2, 1, 8)
+
+
+@pytest.mark.parametrize(("service", "model"), [("distance", DistanceSettings), ("cloud", CloudSettings)])
+def test_the_unit_starts_what_measures_beside_the_gateway_for_its_robot_alone(
+    service: str, model: type[DistanceSettings | CloudSettings]
+) -> None:
+    (started,) = values("space@", "ExecStart")
+    assert shlex.split(started)[1:] == ["%i", "--config", "/etc/fleetsight/space.yaml"]
+    assert command(service).load_settings() is model
+    gateway, found = example(GatewaySettings, "gateway.yaml"), example(model, "space.yaml")
+    assert found.robots == [gateway.robot]
+    assert found.connect == gateway.listen
+    assert stays_near(gateway)
+
+
+@pytest.mark.parametrize("name", ["gateway", "space@"])
+def test_both_ends_of_what_is_shared_on_a_robot_may_lock_it(name: str) -> None:
+    assert values(name, "LimitMEMLOCK") == ["infinity"]
