@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError
@@ -202,7 +202,8 @@ def _first_mistake(error: ValidationError, given: SettingOrigins) -> str:
     reason = mistake["msg"].removeprefix("Value error, ")
     if not mistake["loc"]:  # settings that do not go together: the reason names them
         return given.options_in(reason)
-    name, value = str(mistake["loc"][0]), repr(mistake["input"])[:MAX_VALUE]
+    name, read = str(mistake["loc"][0]), mistake["input"]
+    value = repr(str(read) if isinstance(read, PurePath) else read)[:MAX_VALUE]
     match mistake["type"]:
         case "missing":
             return f"{option_of(name)} is required (or {ENV_PREFIX}{name.upper()}, or in the file that --config names)"

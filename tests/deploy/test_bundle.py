@@ -12,7 +12,7 @@ from typing import Final
 import pytest
 
 from fleetsight.own_packages import ALL
-from tests.deploy.machine import ROOT, Machine, booted, checked, require_containers
+from tests.deploy.support.machine import ROOT, Machine, booted, checked, require_containers
 from tests.fleetsight.workspaces import decoys
 
 pytestmark = pytest.mark.timeout(600)  # the bundle and a system are made first
@@ -89,7 +89,8 @@ def machine(bundle: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     settings = tree / "etc/fleetsight/gateway.yaml"
     settings.parent.mkdir()
     example = (tree / HOME[1:] / "deploy/gateway.yaml").read_text(encoding="utf-8")
-    settings.write_text(example.replace("tcp/central:7447", "tcp/central:7457"), encoding="utf-8")
+    plain = example.replace("tls/central:7447", "tcp/central:7457").replace("\ntls: ", "\n# tls: ")
+    settings.write_text(plain, encoding="utf-8")
     units = tree / "etc/systemd/system"
     for name in ("gateway", "space@"):
         shutil.copy(tree / HOME[1:] / f"deploy/fleetsight-{name}.service", units)

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.deploy.helm import CHART, NAME, Values, find, helm, refusal, render
+from tests.deploy.support.helm import CHART, NAME, Values, find, helm, refusal, render
 
 OWN = {"app.kubernetes.io/name": "fleetsight", "app.kubernetes.io/instance": "demo"}
 MONITOR = {**OWN, "app.kubernetes.io/component": "monitor"}

@@ -7,7 +7,7 @@ import yaml
 
 from deploy.release import images
 from services.toolbox.settings import load
-from tests.deploy.units import DEPLOY, command
+from tests.deploy.support.units import DEPLOY, command
 
 PEERS = ("postgresql", "prometheus")
 

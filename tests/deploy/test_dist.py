@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.deploy.helm import helm
+from tests.deploy.support.helm import helm
 
 ROOT = Path(__file__).parents[2]
 

@@ -3,7 +3,7 @@ from pathlib import Path
 
 from services.access.settings import PkiSettings
 from services.toolbox.settings import load
-from tests.deploy.units import DEPLOY, command, values
+from tests.deploy.support.units import DEPLOY, command, values
 
 
 def settings(name: str, folder: Path) -> PkiSettings:

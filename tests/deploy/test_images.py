@@ -12,13 +12,14 @@ import pytest
 from packaging.utils import canonicalize_name
 
 from deploy.release import images, needed
-from tests.deploy import secured
-from tests.deploy.helm import NAME, render
-from tests.deploy.kube import ask, playable, pod
-from tests.deploy.machine import require_containers, root_archive, wheels
-from tests.deploy.old_podman import REFUSING, OldPodman
-from tests.deploy.podman import BASE, SIMULATED, Podman
-from tests.deploy.units import DEPLOY
+from tests.deploy.support import secured
+from tests.deploy.support.certificates import ROBOT, give, give_file, make_certificates
+from tests.deploy.support.helm import NAME, render
+from tests.deploy.support.kube import ask, playable, pod
+from tests.deploy.support.machine import require_containers, root_archive, wheels
+from tests.deploy.support.old_podman import REFUSING, OldPodman
+from tests.deploy.support.podman import BASE, SIMULATED, Podman
+from tests.deploy.support.units import DEPLOY
 
 pytestmark = pytest.mark.timeout(1800)  # seven images are built first
 
@@ -132,7 +133,7 @@ def test_a_simulated_robot_s_data_reaches_the_centre(fleet: Podman) -> None:
 
 def test_the_demo_s_check_passes(fleet: Podman) -> None:
     """Every robot was seen, by class lists of the detector."""
-    check = Path(__file__).with_name("demo_check.py").read_text(encoding="utf-8")
+    check = Path(__file__).parent.joinpath("support", "demo_check.py").read_text(encoding="utf-8")
     told = fleet.run("exec", "deploy_monitor_1", "python3", "-c", check, "tcp/monitor:7447", "r1")
     assert re.search(r"^class lists received: [1-9]\d* \(r1 [1-9]", told, re.MULTILINE)
     assert told.endswith("result:               every robot was seen\n")
@@ -230,10 +231,10 @@ def test_all_end_in_order(fleet: Podman) -> None:
 def central(podman: Podman, tmp_path: Path) -> Iterator[Podman]:
     """What is central for real robots, with certificates of `fleetsight pki`."""
     names = ("monitor", "detector", "space", "worldmodel")
-    authority = secured.make_certificates(tmp_path, {name: name for name in names})
-    for name in (*names, secured.ROBOT):
-        secured.give(authority, name, tmp_path / name)
-    secured.give_file(tmp_path / "access.json", tmp_path / "monitor")
+    authority = make_certificates(tmp_path, {name: name for name in names})
+    for name in (*names, ROBOT):
+        give(authority, name, tmp_path / name)
+    give_file(tmp_path / "access.json", tmp_path / "monitor")
     files = ["--project-name=central", "--file", str(DEPLOY / "compose.robots.yaml")]
     folder = {"FLEETSIGHT_TLS_FOLDER": str(tmp_path)}
     try:
@@ -250,7 +251,7 @@ def test_real_robots_are_served_over_links_with_certificates_and_others_are_not(
     confined = ["--detach", "--pull=never", "--read-only", "--cap-drop=all", "--network=host"]
     simulator = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11399"]
     gateway = ["localhost/fleetsight-gateway", "gateway", "--robot=r1", "--ros-master=http://127.0.0.1:11399"]
-    tls = [f"--volume={tmp_path}/{secured.ROBOT}:/tls:ro"]
+    tls = [f"--volume={tmp_path}/{ROBOT}:/tls:ro"]
     try:
         central.run("run", *confined, "--name=robot", *simulator)
         central.run("run", *confined, *tls, "--name=r1", *gateway, "--connect=tls/127.0.0.1:7447", "--tls=/tls/r1")
@@ -274,7 +275,7 @@ def test_the_chart_s_pods_with_certificates_keep_their_history_in_postgresql(pod
         podman.run(*joined, "--name=database", *database)
         robot = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11311"]
         podman.run(*joined, "--name=robot", "--network=cluster", *robot)
-        gateway = ["gateway", f"--robot={secured.ROBOT}", f"--connect=tls/{NAME}-monitor:7447", "--tls=/tls/r1"]
+        gateway = ["gateway", f"--robot={ROBOT}", f"--connect=tls/{NAME}-monitor:7447", "--tls=/tls/r1"]
         beside = ["--network=container:robot", f"--volume={tmp_path}/robot:/tls:ro", "localhost/fleetsight-gateway"]
         podman.run(*joined, "--name=gateway", *beside, *gateway)
         podman.until_said(pod("monitor"), "r1/camera: online")

@@ -10,8 +10,8 @@ from packaging.requirements import Requirement
 
 from deploy import release
 from deploy.release import RECORDS, built, check_pins, check_release, images, needed, notes
-from tests.deploy.machine import checked, require_containers
-from tests.deploy.podman import Podman
+from tests.deploy.support.machine import checked, require_containers
+from tests.deploy.support.podman import Podman
 
 CHANGELOG = """# Changelog
 

@@ -9,14 +9,7 @@ from gateway.settings import GatewaySettings
 from gateway.to_bus.shaping.consumers import stays_near
 from services.cloud.settings import CloudSettings
 from services.distance.settings import DistanceSettings
-from services.toolbox.settings import load
-from tests.deploy.units import DEPLOY, command, example, values
-
-
-def settings(text: str, folder: Path) -> GatewaySettings:
-    file = folder / "gateway.yaml"
-    file.write_text(text, encoding="utf-8")
-    return load(GatewaySettings, ["--config", str(file)], prog="fleetsight gateway").settings
+from tests.deploy.support.units import DEPLOY, command, example, settings_of, values
 
 
 def test_the_unit_starts_a_gateway_with_a_file_of_settings() -> None:
@@ -27,12 +20,12 @@ def test_the_unit_starts_a_gateway_with_a_file_of_settings() -> None:
     assert options == ["--config", "/etc/fleetsight/gateway.yaml"]
 
 
-def test_the_example_holds_settings_of_a_gateway(tmp_path: Path) -> None:
+def test_the_example_holds_settings_of_a_gateway() -> None:
     text = (DEPLOY / "gateway.yaml").read_text(encoding="utf-8")
-    found = settings(text, tmp_path)
-    assert (found.robot, found.connect) == ("r1", ["tcp/central:7447"])
+    found = settings_of(GatewaySettings, text, "gateway.yaml")
+    assert (found.robot, found.connect) == ("r1", ["tls/central:7447"])
     said, _, on_a_thin_link = text.partition("# On a thin link:\n")
-    thin = settings(said + on_a_thin_link.replace("# ", ""), tmp_path)
+    thin = settings_of(GatewaySettings, said + on_a_thin_link.replace("# ", ""), "gateway.yaml")
     assert (thin.max_hz_of("front/color"), thin.max_hz_of("front/depth")) == (10, 5)
     assert (thin.factor_of("front/color"), thin.factor_of("front/depth"), thin.uplink_mbit) == (2, 1, 8)
 

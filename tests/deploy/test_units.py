@@ -11,7 +11,7 @@ import pytest
 from bus.session.link_use import MAX_LINKS, most_links
 from services.access.enrolment_server import MAX_CONNECTIONS
 from services.toolbox.process import EXIT_USAGE
-from tests.deploy.units import DEPLOY, unit, values
+from tests.deploy.support.units import DEPLOY, unit, values
 from tests.missing import require_debian
 
 ANALYZE = "/usr/bin/systemd-analyze"

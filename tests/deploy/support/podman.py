@@ -15,8 +15,8 @@ from typing import Final
 
 import pytest
 
-from tests.deploy.machine import checked
-from tests.deploy.units import DEPLOY
+from tests.deploy.support.machine import checked
+from tests.deploy.support.units import DEPLOY
 
 BASE: Final = "localhost/debian"
 CONFIGURATION: Final = """

@@ -13,7 +13,7 @@ from typing import Final
 
 import pytest
 
-from tests.deploy.units import DEPLOY
+from tests.deploy.support.units import DEPLOY
 from tests.missing import missing, require_debian
 
 ROOT: Final = DEPLOY.parent

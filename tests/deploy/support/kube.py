@@ -15,8 +15,8 @@ from typing import Any
 
 import yaml
 
-from tests.deploy.helm import NAME
-from tests.deploy.podman import Podman
+from tests.deploy.support.helm import NAME
+from tests.deploy.support.podman import Podman
 
 Object = Mapping[str, Any]
 

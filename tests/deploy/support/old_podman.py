@@ -9,7 +9,7 @@ import subprocess
 from pathlib import Path
 from typing import Any, Final
 
-from tests.deploy.machine import checked
+from tests.deploy.support.machine import checked
 
 DEBIAN: Final = "bullseye"
 PACKAGES: Final = "podman,runc,conmon,golang-github-containers-common,dash,bash,coreutils,mount,util-linux,libc-bin"
