@@ -21,7 +21,8 @@ ENTER: Final = """
 set -eu
 mount --bind "$1" "$1" && cd "$1"
 for each in dev proc sys sys/fs/cgroup; do mount --rbind "/$each" "$each"; done
-mount -t proc proc proc && mount -t tmpfs tmpfs run && mount -t tmpfs tmpfs tmp
+mount -t proc proc proc
+for each in run tmp dev/shm; do mount -t tmpfs tmpfs "$each"; done  # shm has the locks of the machine's podman
 pivot_root . mnt && cd / && umount --lazy /mnt
 shift
 exec env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin "$@"
