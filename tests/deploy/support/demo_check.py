@@ -21,7 +21,9 @@ DEADLINE_S = 90
 
 async def main(endpoint: str, *robots: str) -> int:
     began_s, folder = time.monotonic(), Path(mkdtemp())
-    settings = MonitorSettings(connect=[endpoint], listen=[], history=f"sqlite:///{folder / 'history.db'}")
+    settings = MonitorSettings(
+        mode="client", connect=[endpoint], listen=[], history=f"sqlite:///{folder / 'history.db'}"
+    )
     fleet = Fleet(clock_id())
     async with open_bus(settings) as bus, running(settings, bus, fleet):
         while True:
