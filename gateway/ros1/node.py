@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.master import MasterClient, SystemState
+from gateway.ros1.master_calls import MasterCalls
 from gateway.ros1.messages import message_type
 from gateway.ros1.names import resolve, validate_global, validate_type
 from gateway.ros1.registrar import MasterState, Registrar
@@ -70,11 +71,14 @@ class Node:
         self._rng = Random()  # noqa: S311 - jitter, no secret
         self._client = XmlRpcClient(timeout=timeout)
         self.master = MasterClient(self._client, uri=master_uri, caller_id=name)
+        self.master_calls = MasterCalls(master_uri, self._client.resolver)
         self._scope = TaskScope()
         self._subscriptions: dict[str, Subscription] = {}
         self._publications: dict[str, Publication] = {}
         self._registrar = Registrar(master=self.master, node=name, lists=self, interval=poll_interval)
-        self._slave = XmlRpcServer(SlaveApi(self), host=host, timeout=timeout, max_body_bytes=MAX_CALL_BYTES)
+        self._slave = XmlRpcServer(
+            SlaveApi(self), host=host, timeout=timeout, max_body_bytes=MAX_CALL_BYTES, check=self.master_calls.check
+        )
         self._tcpros = TcprosServer(
             callerid=name, host=host, publications=self._publications, scope=self._scope, timeout=timeout
         )
