@@ -132,8 +132,17 @@ class _Server(uvicorn.Server):
         yield
 
 
-async def serve(monitor: Monitor, listener: socket.socket, access: Access, tls: ssl.SSLContext | None = None) -> None:
-    """Serve on a listening socket until cancelled, then close it. tls: over HTTPS with this context."""
+async def serve(
+    monitor: Monitor,
+    listener: socket.socket,
+    access: Access,
+    tls: ssl.SSLContext | None = None,
+    machine_names: frozenset[str] = frozenset(),
+) -> None:
+    """Serve on a listening socket until cancelled, then close it.
+
+    tls: over HTTPS with this context. machine_names: host names of this machine.
+    """
     app = make_application(monitor, access)
     ui.run_with(
         app,
@@ -148,7 +157,7 @@ async def serve(monitor: Monitor, listener: socket.socket, access: Access, tls: 
     add_pages(app, monitor)
     settings = monitor.settings
     config = uvicorn.Config(
-        guarded(app, access, settings),
+        guarded(app, access, settings, machine_names),
         log_config=None,
         log_level="warning",
         access_log=False,

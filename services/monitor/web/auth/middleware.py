@@ -1,6 +1,7 @@
 """The access middleware: identifies senders, checks permissions and limits request bodies."""
 
 import asyncio
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from typing import Final
@@ -12,7 +13,7 @@ from starlette.requests import cookie_parser
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from services.monitor.web.auth.gate import LOG_IN, SET_UP, RequestInfo, ServedAt, Verdict, body_limit, judge
+from services.monitor.web.auth.gate import LOG_IN, SET_UP, RequestInfo, ServedAt, Verdict, body_limit, host_of, judge
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.users import STATE, Kind, Visitor
 
@@ -77,6 +78,15 @@ GONE_S: Final = 10.0
 POLICY_VIOLATION: Final = 1008
 
 
+def _misdirected(host: str) -> str:
+    if not re.fullmatch(r"[a-z0-9_.-]{1,253}", host):
+        return "the request names no host of this monitor"
+    return (
+        f"unknown host name {host}; if it is this monitor's, start it with --web-host-names {host}, or with --web-url"
+        " where a proxy is in front"
+    )
+
+
 class AccessMiddleware:
     """Passes on permitted requests with their visitor; ends WebSockets of visitors without permission."""
 
@@ -129,7 +139,7 @@ class AccessMiddleware:
     def _refusal(self, asking: RequestInfo, verdict: Verdict) -> Response:
         match verdict:
             case Verdict.MISDIRECTED:
-                return problem(421, "unknown host name; set --web-url")
+                return problem(421, _misdirected(host_of(asking.headers)))
             case Verdict.FOREIGN:
                 return problem(403, "this request does not come from a page of this monitor")
             case Verdict.NOT_ALLOWED:
