@@ -122,8 +122,8 @@ class WebSettings(BaseModel):
         default=1_000,
         ge=10,
         le=100_000,
-        description="maximum number of simultaneous connections; a quarter of them from one address, but for a proxy on"
-        " this machine",
+        description="maximum number of simultaneous connections; a quarter of them for one user, and for one address"
+        " but that of a proxy on this machine",
     )
     web_open_metrics: bool = Field(default=False, description="let anyone read /metrics without a token")
 

@@ -30,6 +30,7 @@ from services.monitor.web.auth.gate import ServedAt
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.middleware import AccessMiddleware, problem
 from services.monitor.web.auth.routes import access_routes
+from services.monitor.web.connections import share_of
 from services.monitor.web.metrics import watching_routes
 
 METHODS: Final = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE")
@@ -121,7 +122,13 @@ def guarded(
     app: FastAPI, access: Access, settings: WebSettings, machine_names: frozenset[str] = frozenset()
 ) -> AccessMiddleware:
     """Return the application behind its access checks."""
-    return AccessMiddleware(app, access, cookie=cookie_of(settings), place=place_of(settings, machine_names))
+    return AccessMiddleware(
+        app,
+        access,
+        cookie=cookie_of(settings),
+        place=place_of(settings, machine_names),
+        most_of_user=share_of(settings.web_connections),
+    )
 
 
 def place_of(settings: WebSettings, machine_names: frozenset[str] = frozenset()) -> ServedAt:

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import socket
 import ssl
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
 from uvicorn.server import ServerState
@@ -17,16 +17,33 @@ TURNED_AWAY: Final = 50
 """Connections over the limit that get a 503; further ones are closed."""
 
 SHARE: Final = 4
-"""One address has at most one in so many of all connections: what it does not use is left to others."""
+"""One address, and one user, has at most one in so many of all connections: the rest is left to others."""
 
 FEWEST: Final = 16
-"""Connections that an address may always have: a browser opens six."""
+"""Connections that an address or a user may always have: a browser opens six."""
 
 PROXIES: Final = frozenset({"127.0.0.1", "::1"})
 """Addresses without such a limit: a proxy on this machine speaks for everybody."""
 
 HANDSHAKE_S: Final = 10.0
 """Seconds allowed for a TLS handshake, however it goes on."""
+
+KNOWN: Final = "fleetsight.known"
+"""The key, in a request's scope, of the function that marks its connection as that of somebody logged in."""
+
+
+def share_of(most: int) -> int:
+    """Return how many of the connections one address or user may have."""
+    return max(FEWEST, most // SHARE)
+
+
+class Connection:
+    """A connection for requests. is_stranger: nobody who is logged in has asked for anything on it yet."""
+
+    opened_s: float
+    is_stranger: bool
+    transport: asyncio.Transport
+
 
 CLOSE_S: Final = 5.0
 """Seconds for which a TLS connection that was closed waits for its other end to agree."""
@@ -36,6 +53,7 @@ class Acceptor:
     """Accepts connections until cancelled; those still in their TLS handshake count, too.
 
     Where all connections are taken, the oldest handshake gives way to a new connection: an honest one takes a moment.
+    So does, without handshakes, the oldest connection on which nobody was logged in yet.
 
     state: the server's connections. protocol: makes one for each. most: connections; TURNED_AWAY more are accepted.
     tls: whether and how to open it.
@@ -70,15 +88,26 @@ class Acceptor:
                 opening.add_done_callback(lambda done: self._opening.pop(done, None))
 
     def _has_room(self, address: str) -> bool:
-        if address not in PROXIES and self._of(address) >= max(FEWEST, self._most // SHARE):
+        if address not in PROXIES and self._of(address) >= share_of(self._most):
             return False
-        if len(self._state.connections) + len(self._opening) < self._most + TURNED_AWAY:
-            return True
+        taken = len(self._state.connections) + len(self._opening)
+        # The server answers 503 to as many connections as it may have.
+        return taken < self._most - 1 or self._has_made_room() or taken < self._most + TURNED_AWAY
+
+    def _has_made_room(self) -> bool:
+        """Close the oldest handshake or stranger's connection; return whether there was one."""
         for oldest in self._opening:
             del self._opening[oldest]
             oldest.cancel()
             return True
-        return False
+        every: Iterable[object] = self._state.connections
+        strangers = (each for each in every if isinstance(each, Connection) and each.is_stranger)
+        stranger = min(strangers, key=lambda each: each.opened_s, default=None)
+        if stranger is None:
+            return False
+        stranger.is_stranger = False
+        stranger.transport.abort()
+        return True
 
     def _of(self, address: str) -> int:
         """Return how many connections an address has."""
