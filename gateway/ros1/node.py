@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 from gateway.ros1.errors import Ros1Error
 from gateway.ros1.master import MasterClient, SystemState
-from gateway.ros1.master_calls import MasterCalls
 from gateway.ros1.messages import message_type
 from gateway.ros1.names import resolve, validate_global, validate_type
 from gateway.ros1.registrar import MasterState, Registrar
 from gateway.ros1.registrations import Registration, Role
-from gateway.ros1.slave import SlaveApi
+from gateway.ros1.slave import MasterCalls, SlaveApi
 from gateway.ros1.stale_nodes import unregister_dead
 from gateway.ros1.tasks import TaskScope, cancel_and_wait, to_the_end
 from gateway.ros1.tcpros.publisher import Publication

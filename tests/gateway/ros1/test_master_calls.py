@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.ros1.errors import StatusError
-from gateway.ros1.master_calls import MAX_NAMED, MasterCalls
 from gateway.ros1.node import Node
 from gateway.ros1.resolver import Resolver
+from gateway.ros1.slave import MAX_NAMED, MasterCalls
 from gateway.ros1.xmlrpc.client import XmlRpcClient
 from tests.gateway.ros1.test_resolver import Names, names
 from tests.waiting import until
