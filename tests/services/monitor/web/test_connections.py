@@ -263,3 +263,18 @@ async def test_handshakes_of_many_addresses_give_way_to_others(tls: Tls) -> None
         assert await ended(begun[0][0]) == b""
         assert not newest.done()
         newest.cancel()
+
+
+async def test_a_handshake_outlives_older_connections_of_strangers(tls: Tls) -> None:
+    server, browser = tls
+    async with listening(tls=server, most=20) as (connect, _):
+        idle = [await connect(f"127.0.1.{number}", browser) for number in range(1, 20)]
+        reader, writer = await connect("127.0.0.2")
+        data = hello(browser)
+        writer.write(data[:50])
+        for number in range(1, 6):
+            assert await get(connect, f"127.0.2.{number}", browser) == b"HTTP/1.1 200 OK\r\n"
+        assert await ended(idle[0][0]) == b""
+        writer.write(data[50:])
+        async with asyncio.timeout(30):
+            assert await reader.read(100), "its handshake goes on"
