@@ -168,7 +168,7 @@ class Explorer:
         return {name for name, of in self._present.items() if before.get(name) != of}
 
     async def _see(self, look: MasterState) -> None:
-        publishers = _without(self._node.name, look.state.publishers)
+        publishers = _without(look.node, look.state.publishers)
         if (
             publishers != self._publishers
             or look.number % TYPES_EVERY == 0

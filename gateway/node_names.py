@@ -24,7 +24,9 @@ def node_name(robot: str, boot_id: str) -> str:
 
 def is_of(node: str, robot: str) -> bool:
     """Return whether a node's global name is one that `node_name` gives the robot's gateways."""
-    return re.fullmatch(f"{PREFIX}{ros_chunk(robot)}_[0-9a-f]{{8}}", node.rpartition("/")[2]) is not None
+    return (
+        re.fullmatch(f"{PREFIX}{ros_chunk(robot)}_[0-9a-f]{{8}}(_[0-9]{{1,5}})?", node.rpartition("/")[2]) is not None
+    )
 
 
 def is_gateway(node: str) -> bool:
@@ -39,7 +41,7 @@ async def clear_predecessors(node: Node, robot: str) -> None:
     """Once the master answers, unregister the robot's dead gateways, except those with a configured name."""
     async with aclosing(node.looks()) as looks:
         look = await anext(looks)
-    for name in sorted(look.state.nodes() - {node.name}):
+    for name in sorted(look.state.nodes() - {look.node}):
         if is_of(name, robot):
             await _clear(node, name, look.state)
 

@@ -156,7 +156,7 @@ async def answering(
     bus: Bus, node: Node, settings: GatewaySettings, boot_id: str, clock: SimClock
 ) -> AsyncIterator[None]:
     """Answer requests for the robot's clock and for its services while the context lasts."""
-    client = ServiceClient(node.master, callerid=node.name)
+    client = ServiceClient(node.master)
     calls = ServiceCalls(settings.robot, settings.listed_services(), client)
     async with (
         bus.serve(

@@ -1,4 +1,4 @@
-"""What others may not do, in about five minutes: refusals, floods, and what access rules cost.
+"""What others may not do, in about six minutes: refusals, floods, and what access rules cost.
 
     cases, refused          attempts that access rules, certificates or the lack of them forbid, each on a real router
                             with real certificates, and those that came to nothing; also by kind (groups): these are the
@@ -6,9 +6,13 @@
     FLOOD_rss_growth_mb     by how much the memory of `fleetsight monitor`, its router included, grew while somebody
                             sent as fast as the link takes it: class lists of more names than there is room for
                             (names), those of one robot's cameras (robot), the largest lists of ever new classes
-                            (lists), large statuses of gateways and of workers
+                            (lists), large statuses of gateways and of workers; presence of ever more robots and
+                            cameras (tokens), all but the end of the largest message that a router takes in
+                            (halves), idle connections to the page from 200 addresses (connections); and that of a
+                            distance worker under frames of 1,000 masks, each of all of 4096 x 4096 pixels (masks)
     FLOOD_answers_s         the longest that the monitor took meanwhile, and shortly after, to answer a question about
-                            its inventory
+                            its inventory, under connections also to send its log-in form; that the distance worker took
+                            to measure another robot's object
     FLOOD_others_s          the longest that it took meanwhile, and shortly after, to take in a class list of a robot
                             that has no part in the flood
     acl_us_per_message      by how much longer a message takes over a TLS link where the router has access rules
@@ -30,9 +34,11 @@ from benchmarks.arguments import parser_of, show
 from benchmarks.gateway.processes import PeerError
 from benchmarks.machine import machine, versions
 from benchmarks.peers.flood import FLOODS
+from benchmarks.peers.link_flood import FLOODS as LINK_FLOODS
 from benchmarks.progress import note
 from benchmarks.security.cost import cost_of_rules
 from benchmarks.security.floods import victim
+from benchmarks.security.masks import flood_of_masks
 from benchmarks.security.refusals import count_refusals
 from benchmarks.targets import Targets, at_least, at_most
 
@@ -64,19 +70,22 @@ def main() -> None:
 async def floods(seconds: float) -> dict[str, Any]:
     """Flood a new monitor with each kind of message."""
     found: dict[str, Any] = {}
-    for kind in FLOODS:
+    for kind in (*FLOODS, *LINK_FLOODS):
         note(f"flood of {kind}")
-        async with victim() as monitor:
+        async with victim(page=kind == "connections") as monitor:
             flood = await monitor.flood(kind, seconds)
         note(f"{flood.figures()}")
         found |= {f"{kind}_{name}": value for name, value in flood.figures().items()}
-    return found
+    note("flood of masks")
+    masks = await flood_of_masks(seconds)
+    note(f"{masks}")
+    return found | masks
 
 
 def targets(found: Mapping[str, Any]) -> Targets:
     """Return each target and whether it is met."""
     made = at_least(found, "refused", 1, "cases")
-    for kind in FLOODS:
+    for kind in (*FLOODS, *LINK_FLOODS, "masks"):
         made |= at_most(found, f"{kind}_rss_growth_mb", MOST_MB)
         made |= at_most(found, f"{kind}_answers_s", MOST_S)
     made |= at_most(found, "robot_others_s", MOST_S)

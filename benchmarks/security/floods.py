@@ -5,12 +5,16 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
+from http import HTTPStatus
 from typing import Any, Final
+
+import httpx
 
 from benchmarks.gateway.flow import free_endpoint
 from benchmarks.gateway.processes import PeerError, Process, module, running
 from benchmarks.monitor.scenario import TOOLBOX
-from bus import Bus, BusSettings, Publisher, QoS, RequestError, open_bus
+from benchmarks.peers.link_flood import FLOODS as LINK_FLOODS
+from bus import Bus, BusSettings, NotServedError, Publisher, QoS, RequestError, open_bus
 from schemas import codec, keys
 from schemas.detections import ClassCount, ClassList
 from schemas.header import Header
@@ -57,11 +61,12 @@ class Flood:
 
 @dataclass(slots=True)
 class Victim:
-    """A monitor, which is a router too."""
+    """A monitor, which is a router too. page: host and port of its page, if it has one."""
 
     process: Process
     bus: Bus
     endpoint: str
+    page: str = ""
 
     async def answer(self) -> InventoryAnswer:
         """Return what it says about one robot.
@@ -85,7 +90,10 @@ class Victim:
             return await self._flood(other, kind, seconds, least)
 
     async def _flood(self, other: "OtherRobot", kind: str, seconds: float, least: int) -> Flood:
-        with running(module("flood", kind, self.endpoint, str(seconds), str(least))) as sender:
+        command = module("flood", kind, self.endpoint, str(seconds), str(least))
+        if kind in LINK_FLOODS:
+            command = module("link_flood", kind, self.page or self.endpoint, str(seconds))
+        with running(command) as sender:
             before = highest = self.process.rss_bytes()
             sending = asyncio.create_task(asyncio.to_thread(sender.answer, START_S + seconds))
             longest_s, others_s, ended_s = 0.0, 0.0, float("inf")
@@ -108,7 +116,7 @@ class Victim:
         return Flood(sent["sent"], sent["sent_mb"], growth, longest_s, others_s, said.left_out, said.problems)
 
     async def _time(self) -> float:
-        """Return how long an answer takes."""
+        """Return how long an answer takes, and, with a page, one of it."""
         if not self.process.runs():
             raise PeerError(self.process.last_words())
         began_s = time.monotonic()
@@ -116,7 +124,16 @@ class Victim:
             await self.answer()
         except RequestError:
             return max(ASK_S, time.monotonic() - began_s)
+        if self.page and not await asyncio.to_thread(self._page_answers):
+            return max(ASK_S, time.monotonic() - began_s)
         return time.monotonic() - began_s
+
+    def _page_answers(self) -> bool:
+        """Ask for the page's log-in form as a browser does that is not logged in; return whether it came."""
+        with suppress(OSError):
+            answer: int = httpx.get(f"http://{self.page}/login", timeout=ASK_S).status_code
+            return answer in (HTTPStatus.OK, HTTPStatus.SEE_OTHER)
+        return False
 
 
 OTHER: Final = CameraKey("r1", "front")
@@ -182,17 +199,21 @@ async def _other_robot(monitor: Victim) -> AsyncIterator[OtherRobot]:
 
 
 @asynccontextmanager
-async def victim(*options: str) -> AsyncIterator[Victim]:
-    """Start a monitor."""
+async def victim(*options: str, page: bool = False) -> AsyncIterator[Victim]:
+    """Start a monitor, with a page or without."""
     endpoint = free_endpoint()
-    command = [*TOOLBOX, "monitor", "--listen", endpoint, "--no-web", "--history", "none", *options]
+    at = free_endpoint().removeprefix("tcp/") if page else ""
+    web = ["--web-port", at.rpartition(":")[2]] if page else ["--no-web"]
+    command = [*TOOLBOX, "monitor", "--listen", endpoint, *web, "--history", "none", *options]
     with running(command) as process:
         async with open_bus(BusSettings(connect=[endpoint], shared_memory=False)) as bus:
-            made = Victim(process, bus, endpoint)
+            made = Victim(process, bus, endpoint, at)
             until_s = time.monotonic() + START_S
             while True:
                 try:
                     await made.answer()
+                    if at and not await asyncio.to_thread(made._page_answers):  # noqa: SLF001 - its own
+                        raise NotServedError(at)
                 except RequestError as error:
                     if time.monotonic() > until_s or not process.runs():
                         raise PeerError(process.last_words()) from error

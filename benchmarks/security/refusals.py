@@ -13,6 +13,12 @@ ROOT: Final = Path(__file__).parents[2]
 FILES: Final = (
     "tests/services/access/test_sending.py",
     "tests/services/access/test_hearing.py",
+    "tests/services/access/test_certificates_misused.py",
+    "tests/services/access/test_rules.py::test_a_certificate_of_another_authority_opens_no_link",
+    "tests/services/access/test_rules.py::test_a_link_ends_with_its_certificate",
+    "tests/services/access/test_enrolment.py::test_of_two_machines_with_one_token_one_enrols",
+    "tests/services/access/test_enrolment.py::test_a_token_that_lets_nobody_in",
+    "tests/services/access/test_enrolment.py::test_renewal_is_refused",
     "tests/bus/test_tls.py",
 )
 PREFIX: Final = "test_"

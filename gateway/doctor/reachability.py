@@ -1,12 +1,11 @@
 """Tests connections to hosts, each step with a deadline."""
 
 import asyncio
-import socket
-from contextlib import closing, suppress
+from contextlib import suppress
 from typing import Final
 
 from gateway.doctor.evidence import Failure, HostLook, Router, Trouble
-from gateway.ros1.listening import uri_host
+from gateway.ros1.listening import is_local, uri_host
 from gateway.ros1.resolver import Resolver
 
 MAX_ADDRESSES: Final = 4
@@ -52,21 +51,10 @@ async def _connect(address: str, port: int, patience_s: float) -> tuple[Failure,
     return None
 
 
-def is_ours(address: str) -> bool:
-    """Return whether a process on this machine can listen at the address."""
-    family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    try:
-        with closing(socket.socket(family, socket.SOCK_DGRAM)) as probe:
-            probe.bind((address, 0))
-    except OSError:
-        return False
-    return True
-
-
 async def look_at_host(host: str, patience_s: float) -> HostLook:
     """Examine the host that other nodes are told to connect to."""
     addresses = await resolve(host, patience_s)
-    return HostLook(host, tuple(addresses), any(is_ours(address) for address in addresses))
+    return HostLook(host, tuple(addresses), any(is_local(address) for address in addresses))
 
 
 def can_be_tried(endpoint: str) -> bool:

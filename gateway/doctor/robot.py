@@ -14,7 +14,7 @@ from gateway.discovery import Plan, plan, unclear
 from gateway.discovery.plan import INFOS, OF_GATEWAYS, TYPES
 from gateway.discovery.published_topics import calibrations_of, topics_of
 from gateway.doctor.evidence import Failure, Graph, MasterLook, PublisherLook, StreamLook, Trouble
-from gateway.doctor.reachability import is_ours, reach, resolve, uri_of
+from gateway.doctor.reachability import reach, resolve, uri_of
 from gateway.doctor.sensors import CLOCK
 from gateway.doctor.topic_probe import FEW, ONE, TRANSFORMS, Enough, TopicProbe, listen
 from gateway.ros1.addresses import parse_offer
@@ -27,6 +27,7 @@ from gateway.ros1.errors import (
     TooLargeError,
     UnreachableError,
 )
+from gateway.ros1.listening import is_local
 from gateway.ros1.master import MasterClient
 from gateway.ros1.sim_clock import TOPIC as SIM_CLOCK
 from gateway.ros1.wire.tcpros import DEFAULT_MAX_MESSAGE_BYTES, PublisherAccepted
@@ -103,7 +104,7 @@ class RobotVisit:
         address = await reach(host, port, self._patience_s)
         if isinstance(address, Trouble):
             return MasterLook(uri, address)
-        remote = not is_ours(address)
+        remote = not is_local(address)
         master = MasterClient(self._client, uri=uri_of(address, port), caller_id=self._name)
         try:
             state = await master.get_system_state()

@@ -31,13 +31,13 @@ class SystemState:
 
 
 class MasterClient:
-    """Calls one master on behalf of one node."""
+    """Calls one master on behalf of one node. caller_id: the node's name now."""
 
     def __init__(self, client: XmlRpcClient, *, uri: str, caller_id: str) -> None:
         self.uri = uri
         self.resolver = client.resolver
         self._client = client
-        self._caller_id = caller_id
+        self.caller_id = caller_id
 
     async def register_subscriber(self, topic: str, type_name: str, caller_api: str) -> tuple[str, ...]:
         """Return the slave URIs of the topic's publishers."""
@@ -86,7 +86,7 @@ class MasterClient:
 
     async def call(self, method: str, *params: Any) -> Any:
         """Call any method of the master API and return its value."""
-        return await self._client.call(self.uri, method, self._caller_id, *params)
+        return await self._client.call(self.uri, method, self.caller_id, *params)
 
 
 def _is(kind: type[T], value: Any) -> T:

@@ -14,7 +14,7 @@ from gateway.ros1.messages import message_type
 from gateway.ros1.names import resolve, validate_global, validate_type
 from gateway.ros1.registrar import MasterState, Registrar
 from gateway.ros1.registrations import Registration, Role
-from gateway.ros1.slave import SlaveApi
+from gateway.ros1.slave import MasterCalls, SlaveApi
 from gateway.ros1.stale_nodes import unregister_dead
 from gateway.ros1.tasks import TaskScope, cancel_and_wait, to_the_end
 from gateway.ros1.tcpros.publisher import Publication
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 log = logging.getLogger(__name__)
+NAME_TAKEN = "new node registered with same name"  # rosmaster's reason for ending the older of two nodes
 MAX_CALL_BYTES = 256 << 10  # of a call of the slave API; the longest is a list of publishers
 
 
@@ -38,7 +39,7 @@ class Node:
     Leaving a subscription or a publication ends it here at once and waits for no master.
 
     Args:
-        name: global and unique: a master shuts down the older of two nodes of one name.
+        name: global. A master tells the older of two nodes of one name to end; this one then goes on as `{name}_2`.
         master_uri: where the master answers, such as `http://robot:11311`.
         host: the name or address under which others reach this node.
         poll_interval: seconds between looks at the master.
@@ -62,23 +63,30 @@ class Node:
         exit_timeout: float = 1.0,
         passive: Callable[[str], bool] | None = None,
     ) -> None:
-        self.name = validate_global(name)
         self.shutdown_requested = asyncio.Event()
         self._timeout = timeout
         self._exit_timeout = exit_timeout
         self._passive = passive
         self._rng = Random()  # noqa: S311 - jitter, no secret
         self._client = XmlRpcClient(timeout=timeout)
-        self.master = MasterClient(self._client, uri=master_uri, caller_id=name)
+        self.master = MasterClient(self._client, uri=master_uri, caller_id=validate_global(name))
+        self.master_calls = MasterCalls(master_uri, self._client.resolver)
         self._scope = TaskScope()
         self._subscriptions: dict[str, Subscription] = {}
         self._publications: dict[str, Publication] = {}
-        self._registrar = Registrar(master=self.master, node=name, lists=self, interval=poll_interval)
-        self._slave = XmlRpcServer(SlaveApi(self), host=host, timeout=timeout, max_body_bytes=MAX_CALL_BYTES)
+        self._registrar = Registrar(master=self.master, lists=self, interval=poll_interval)
+        self._slave = XmlRpcServer(
+            SlaveApi(self), host=host, timeout=timeout, max_body_bytes=MAX_CALL_BYTES, check=self.master_calls.check
+        )
         self._tcpros = TcprosServer(
-            callerid=name, host=host, publications=self._publications, scope=self._scope, timeout=timeout
+            callerid=lambda: self.name, host=host, publications=self._publications, scope=self._scope, timeout=timeout
         )
         self._stack = AsyncExitStack()
+
+    @property
+    def name(self) -> str:
+        """The node's name now."""
+        return self.master.caller_id
 
     @property
     def uri(self) -> str:
@@ -155,7 +163,7 @@ class Node:
         if topic in self._subscriptions:
             raise Ros1Error(f"{self.name} subscribes to {topic} already")
         subscription = Subscription(
-            callerid=self.name,
+            callerid=lambda: self.name,
             topic=topic,
             expected=message_type(ANY if accepted else type_name).topic_type,
             on_message=on_message,
@@ -256,7 +264,10 @@ class Node:
         return {topic: subscription.listed() for topic, subscription in self._subscriptions.items()}
 
     def shutdown(self, reason: str) -> None:
-        """Release all registrations; the owner of the node ends it."""
+        """Release all registrations, for the owner of the node to end it, or take another name if this one was lost."""
+        if NAME_TAKEN in reason:
+            self._registrar.name_taken()
+            return
         log.error("%s is asked to shut down: %s", self.name, reason)
         self._registrar.release_all()
         self.shutdown_requested.set()

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gateway.ros1.errors import CallError, Ros1Error, UnreachableError
+from gateway.ros1.errors import CallError, Ros1Error, StatusError, UnreachableError
 from gateway.ros1.registrations import Changes, Registration, Registrations, Role
 
 if TYPE_CHECKING:
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 
 log = logging.getLogger(__name__)
+TRIED_AT_ONCE = 20
+"""Names that are looked up at the master before it gets a rest."""
+
 RENEWED_EVERY = 10
 """Looks at the master. A link to a publisher that was replaced may still be up, and then looks as it should."""
 
@@ -38,10 +41,12 @@ RENEWED_EVERY = 10
 class MasterState:
     """The master's state at one look.
 
-    number: of this look. restarts: how often a master was found that had forgotten all of the node's registrations.
+    number: of this look. node: the name under which this node was registered then. restarts: how often a master was
+    found that had forgotten all of the node's registrations.
     """
 
     number: int
+    node: str
     state: SystemState
     restarts: int
 
@@ -49,11 +54,14 @@ class MasterState:
 class Registrar:
     """Makes all registration calls of a node, one at a time, so that none overtakes another."""
 
-    def __init__(self, *, master: MasterClient, node: str, lists: PublisherLists, interval: float) -> None:
+    def __init__(self, *, master: MasterClient, lists: PublisherLists, interval: float) -> None:
         self._master = master
         self._lists = lists
         self._interval = interval
-        self._registrations = Registrations(node)
+        self._registrations = Registrations(master.caller_id)
+        self._first_name = master.caller_id
+        self._names = 1
+        self._name_lost = False
         self._caller_api = ""
         self._wake = asyncio.Event()
         self._looks = 0
@@ -77,6 +85,11 @@ class Registrar:
 
     def release_all(self) -> None:
         self._registrations.wanted.clear()
+        self._wake.set()
+
+    def name_taken(self) -> None:
+        """Register everything under another name: another node has this one now."""
+        self._name_lost = True
         self._wake.set()
 
     async def look_after(self, number: int) -> MasterState:
@@ -109,6 +122,8 @@ class Registrar:
 
     async def _attempt(self, *, compare: bool) -> None:
         try:
+            if self._name_lost:
+                await self._rename()
             if compare:
                 state = await self._master.get_system_state()
                 self._looks += 1
@@ -124,9 +139,42 @@ class Registrar:
             if answered:
                 self._answered()
 
+    async def _rename(self) -> None:
+        """Take the first name that nobody has of those with a number behind the first one.
+
+        Raises:
+            Ros1Error: the master does not answer, or many names are taken; the next attempt goes on from there.
+
+        """
+        taken = self._master.caller_id
+        for registration in list(self._registrations.held):  # one that was under way may have come after the other's
+            await self._one(self._unregister, registration)
+        name = await self._free_name()
+        self._name_lost = False
+        self._master.caller_id = name
+        self._registrations.rename(name)
+        log.error("another node has taken the name %s: this one goes on as %s", taken, name)
+
+    async def _free_name(self) -> str:
+        for _ in range(TRIED_AT_ONCE):
+            self._names += 1
+            name = f"{self._first_name}_{self._names}"
+            if await self._is_free(name):
+                return name
+        raise Ros1Error(
+            f"other nodes have {self._master.caller_id} and all names up to {self._first_name}_{self._names}"
+        )
+
+    async def _is_free(self, name: str) -> bool:
+        try:
+            await self._master.lookup_node(name)
+        except StatusError:
+            return True
+        return False
+
     def _remember(self, state: SystemState, *, is_new: bool) -> None:
         restarts = self._look.restarts if self._look else 0
-        self._look = MasterState(self._looks, state, restarts + is_new)
+        self._look = MasterState(self._looks, self._master.caller_id, state, restarts + is_new)
         self._looked.set()
         self._looked.clear()
 
@@ -141,6 +189,8 @@ class Registrar:
         for registration in changes.unregister:
             await self._one(self._unregister, registration)
         for registration in changes.register:
+            if self._name_lost:
+                break  # or the other node would lose the name to us, and end
             self._registrations.registering(registration)
             await self._one(self._register, registration)
         return changes != Changes((), ())

@@ -50,6 +50,13 @@ class Registrations:
         self._confirmed: set[Registration] = set()
         self._in_flight: set[Registration] = set()
 
+    def rename(self, node: str) -> None:
+        """Register everything under another name, of which the master knows nothing yet."""
+        self._node = node
+        self.held.clear()
+        self._confirmed.clear()
+        self._in_flight.clear()
+
     def want(self, registration: Registration) -> None:
         self.wanted.add(registration)
         self._confirmed.discard(registration)

@@ -29,6 +29,15 @@ class Resolver:
 
     def __init__(self) -> None:
         self._under_way: dict[str, asyncio.Future[list[str]]] = {}
+        self._kept: dict[str, frozenset[str]] = {}
+
+    def keep(self, host: str) -> None:
+        """Keep a host's addresses from now on."""
+        self._kept[host] = frozenset([host]) if _is_address(host) else frozenset()
+
+    def kept(self, host: str) -> frozenset[str]:
+        """Return the addresses that a kept host had when it was last found; none if it was not yet."""
+        return self._kept[host]
 
     async def connect(self, host: str, connect: Callable[[str], Awaitable[T]]) -> T:
         """Return the result of `connect` for the first address of a host that it succeeds with.
@@ -73,7 +82,9 @@ class Resolver:
 
     def _end(self, host: str) -> None:
         """Forget a lookup and mark its failure as seen: its callers may have given up before."""
-        self._under_way.pop(host).exception()
+        answer = self._under_way.pop(host)
+        if answer.exception() is None and host in self._kept:
+            self._kept[host] = frozenset(answer.result())
 
 
 def _is_address(host: str) -> bool:

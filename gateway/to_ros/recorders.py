@@ -15,7 +15,7 @@ async def warn_of_recorders(node: Node, passive: Callable[[str], bool]) -> None:
     said: set[str] = set()
     async with aclosing(node.looks()) as looks:
         async for look in looks:
-            topics = results_of(node.name, look.state.publishers)
+            topics = results_of(look.node, look.state.publishers)
             found = recorders(topics, look.state.subscribers)
             for recorder in found:
                 if recorder not in said:

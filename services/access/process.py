@@ -17,12 +17,14 @@ from services.access.enrolment_server import EnrolmentServer
 from services.access.fleet_file import FleetFile, FleetFileError, read_fleet
 from services.access.invitations import Invitations
 from services.access.rules import access_control
-from services.access.settings import AccessSettings, PkiSettings
+from services.access.settings import AccessSettings, PkiSettings, check_is_for
+from services.option_names import read_secret, terminal_left_as_it_is
 
 log = logging.getLogger(__name__)
 
 DAY: Final = timedelta(days=1)
 HOUR: Final = timedelta(hours=1)
+MAX_TOKEN: Final = 512
 SOON: Final = 14
 """Days before its end at which a certificate is marked; one that its machine renews, once that is overdue."""
 
@@ -41,7 +43,8 @@ async def run_pki(settings: PkiSettings) -> None:
         if settings.task == "serve":
             await _serve(Authority(settings.folder), settings)
             return
-        lines = await asyncio.to_thread(lambda: list(_TASKS[settings.task](Authority(settings.folder), settings)))
+        with terminal_left_as_it_is():
+            lines = await asyncio.to_thread(lambda: list(_TASKS[settings.task](Authority(settings.folder), settings)))
     except (AuthorityError, EnrolmentError) as error:
         raise AccessError(str(error)) from error
     except OSError as error:
@@ -108,7 +111,9 @@ def _invite(authority: Authority, settings: PkiSettings) -> Iterator[str]:
     )
     at = settings.at or f"{socket.gethostname()}:{PORT}"
     yield f"On the machine of {name}, as the user that its services run as, until {until:%Y-%m-%d %H:%M} UTC:"
-    yield f"fleetsight pki enrol --at {at} --token {token}"
+    yield f"fleetsight pki enrol --at {at}"
+    yield "It asks for this token, or reads it from standard input or FLEETSIGHT_TOKEN:"
+    yield str(token)
     if fleet is None:
         yield f"{name} may do what fleet.yaml says of it; where it is new there: {rules}"
     elif name not in {*fleet.robot_names(), *fleet.roles}:
@@ -120,7 +125,7 @@ def _enrol(_: Authority, settings: PkiSettings) -> Iterator[str]:
     at = settings.at or ""
     address = parse_address(at)
     if not settings.renew:
-        token = Token.parse(settings.token)
+        token = _token_of(settings)
         files = Files(settings.into, token.name)
         yield from lines_of_enrolment(files, enrol(token, address, files), at)
         return
@@ -130,6 +135,23 @@ def _enrol(_: Authority, settings: PkiSettings) -> Iterator[str]:
         yield f"{files.certificate}: nothing to do before the last third of its days"
     else:
         yield f"{files.certificate}: renewed, until {made.not_valid_after_utc:%Y-%m-%d %H:%M} UTC"
+
+
+def _token_of(settings: PkiSettings) -> Token:
+    """Return the token that was given, or that is asked for.
+
+    Raises:
+        AccessError: it is none, or for another name than the one that was given.
+    """
+    try:
+        text = settings.token or read_secret("Token: ", MAX_TOKEN)
+        if not text.strip():
+            raise AccessError("enrol needs the token that `fleetsight pki invite r1` at the authority prints")
+        token = Token.parse(text)
+        check_is_for(settings.name, token)
+    except ValueError as error:
+        raise AccessError(str(error)) from error
+    return token
 
 
 async def _serve(authority: Authority, settings: PkiSettings) -> None:

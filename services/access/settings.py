@@ -10,7 +10,7 @@ from bus.settings import File
 from schemas.errors import SchemaError
 from schemas.keys import NAME, check_name
 from services.access.enrolment_protocol import PORT, Token, parse_address
-from services.option_names import given_as_options
+from services.option_names import Secret, given_as_options
 
 TAKES: Final = {
     "init": (),
@@ -51,6 +51,12 @@ def _address(text: str) -> str:
     return text
 
 
+def check_is_for(name: str, token: Token) -> None:
+    """Raise ValueError if a token is for another name than the one that was given, if any."""
+    if name not in ("", token.name):
+        raise ValueError(f"the token is for {token.name}, not for {name}")
+
+
 def _token(text: str) -> str:
     return str(Token.parse(text)) if text else text
 
@@ -65,8 +71,8 @@ class PkiSettings(BaseModel):
     ca.key nowhere.
 
     So that no key is copied, `invite` prints a token, which lets one machine enrol once, and the command to run there:
-    `enrol` makes the key, and gets a certificate from `serve`, which runs at the authority. `enrol --renew` gets a new
-    one, with the one it has, in the last third of its days.
+    `enrol` asks for the token, or reads it from standard input, makes the key, and gets a certificate from `serve`,
+    which runs at the authority. `enrol --renew` gets a new one, with the one it has, in the last third of its days.
     """
 
     task: Annotated[
@@ -101,7 +107,10 @@ class PkiSettings(BaseModel):
         bool, Field(description="invite a machine though there is a certificate of its name, whose key is lost")
     ] = False
     token: Annotated[
-        str, AfterValidator(_token), Field(description="what `invite` printed; not needed to renew", repr=False)
+        str,
+        Secret(),
+        AfterValidator(_token),
+        Field(description="what `invite` printed; asked for if it is not given, and not needed to renew", repr=False),
     ] = ""
     into: Annotated[Path, Field(description="folder for the files of the machine that enrols")] = Path("tls")
     renew: Annotated[bool, Field(description="renew the certificate in --into, if it ends soon")] = False
@@ -114,10 +123,8 @@ class PkiSettings(BaseModel):
             raise ValueError(f"enrol needs --at: where `fleetsight pki serve` runs, such as central:{PORT}")
         if self.renew and not self.name:
             raise ValueError("enrol --renew needs a name: fleetsight pki enrol r1 --renew")
-        if not self.renew and not self.token:
-            raise ValueError("enrol needs --token, which `fleetsight pki invite r1` at the authority prints")
-        if self.name and not self.renew and Token.parse(self.token).name != self.name:
-            raise ValueError(f"the token is for {Token.parse(self.token).name}, not for {self.name}")
+        if not self.renew and self.token:
+            check_is_for(self.name, Token.parse(self.token))
         return self
 
     @model_validator(mode="after")

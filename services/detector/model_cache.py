@@ -13,6 +13,7 @@ from typing import Final
 import msgspec
 
 from schemas.models import ModelRegistry, PublishedModel
+from services.file_ownership import FOLDER_MODE, NotOursError, check_ours, keep_others_out
 from services.model_registry.registry import digest_of
 
 log = logging.getLogger(__name__)
@@ -29,13 +30,18 @@ class DamagedModelError(Exception):
 
 
 def usable_cache(cache: Path, spare: Path) -> Path:
-    """Return the cache, or the spare folder where the cache cannot be written."""
+    """Return the cache, or the spare folder where the cache cannot be written, or others could exchange its models."""
     try:
-        (cache / "models").mkdir(parents=True, exist_ok=True)
+        cache.mkdir(FOLDER_MODE, parents=True, exist_ok=True)
+        (cache / "models").mkdir(FOLDER_MODE, exist_ok=True)
+        check_ours(cache, cache / "models")
         with tempfile.TemporaryFile(dir=cache / "models"):
             return cache
     except OSError as error:
         log.warning("models are kept until this worker ends only: --cache %s: %s", cache, error.strerror)
+        return spare
+    except NotOursError as error:
+        log.error("--cache %s is not used: others could exchange its models: %s", cache, error)  # noqa: TRY400 - one line
         return spare
 
 
@@ -56,6 +62,7 @@ class ModelCache:
         try:
             if not file.exists():
                 return False
+            check_ours(file)
             if file.stat().st_size == model.size and digest_of(file) == model.digest:
                 with suppress(OSError):  # of another user
                     file.touch()  # it is in use: see `_remove_all_but`
@@ -64,6 +71,8 @@ class ModelCache:
             file.unlink(missing_ok=True)
         except OSError as error:
             log.warning("%s cannot be read: %s", file, error.strerror)
+        except NotOursError as error:
+            log.warning("a model is fetched again: others could exchange it: %s", error)
         return False
 
     async def fill(self, model: PublishedModel, fetch: Callable[[Path], Awaitable[None]]) -> None:
@@ -81,6 +90,7 @@ class ModelCache:
         if await asyncio.to_thread(digest_of, part) != model.digest:
             await asyncio.to_thread(part.unlink)
             raise DamagedModelError(f"what came of {model.label} has another digest than what was published")
+        keep_others_out(part)
         part.replace(self.path(model))
 
     def remember(self, state: ModelRegistry) -> None:
@@ -90,8 +100,9 @@ class ModelCache:
         """
         draft = self._own_file(LAST)
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            self.folder.mkdir(FOLDER_MODE, parents=True, exist_ok=True)
             draft.write_bytes(msgspec.json.format(msgspec.json.encode(state)))
+            keep_others_out(draft)
             draft.replace(self.folder / LAST)
             self._remove_all_but({self.path(each) for each in state.models})
         except OSError as error:
@@ -100,8 +111,9 @@ class ModelCache:
             )
 
     def recall(self) -> ModelRegistry | None:
-        """Return what was run last; None if nothing was, or it cannot be read."""
-        with suppress(OSError, msgspec.MsgspecError, UnicodeError):
+        """Return what was run last; None if nothing was, it cannot be read, or others could have written it."""
+        with suppress(OSError, NotOursError, msgspec.MsgspecError, UnicodeError):
+            check_ours(self.folder / LAST)
             return msgspec.json.decode((self.folder / LAST).read_bytes(), type=ModelRegistry)
         return None
 
@@ -116,7 +128,7 @@ class ModelCache:
 
     def _make_room(self, part: Path) -> None:
         """Make the folder; remove other parts of this process, and those of killed ones."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        self.folder.mkdir(FOLDER_MODE, parents=True, exist_ok=True)
         for file in self.folder.glob(f"*{PART}"):
             if file != part and (self._own in file.name or _unused(file)):
                 file.unlink(missing_ok=True)

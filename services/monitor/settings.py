@@ -1,6 +1,7 @@
 """Settings of the monitor, of `fleetsight users` and of `fleetsight rules test`."""
 
 import os
+import re
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -65,6 +66,15 @@ def _regular(path: Path) -> Path:
     return path
 
 
+def _host_name(text: str) -> str:
+    name = text.lower().removesuffix(".")
+    if not re.fullmatch(r"[a-z0-9_](?:[a-z0-9_.-]{0,251}[a-z0-9_])?", name):
+        raise ValueError(f"{text[:80]!r} is no host name; give one without scheme, port and path, like fleet.lan")
+    return name
+
+
+HostName = Annotated[str, AfterValidator(_host_name)]
+
 RegularFile = Annotated[Path, AfterValidator(_regular)]
 
 
@@ -91,6 +101,13 @@ class WebSettings(BaseModel):
     web_url: HttpUrl | None = Field(
         default=None, description="address that browsers use if a proxy is in front, like https://fleet.example"
     )
+    web_host_names: Annotated[
+        list[HostName],
+        Field(
+            description="further host names under which people open the page, like fleet.lan; known are localhost, this"
+            " machine's name, that of web_url, and addresses"
+        ),
+    ] = []
     web_certificate: RegularFile | None = Field(
         default=None, description="certificate with which the page is served over HTTPS; taken anew when it changes"
     )
@@ -105,8 +122,8 @@ class WebSettings(BaseModel):
         default=1_000,
         ge=10,
         le=100_000,
-        description="maximum number of simultaneous connections; a quarter of them from one address, but for a proxy on"
-        " this machine",
+        description="maximum number of simultaneous connections; a quarter of them for one user, and for one address"
+        " but that of a proxy on this machine",
     )
     web_open_metrics: bool = Field(default=False, description="let anyone read /metrics without a token")
 

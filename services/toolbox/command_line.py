@@ -16,7 +16,7 @@ from services.toolbox.command import Command
 from services.toolbox.commands import COMMANDS
 from services.toolbox.errors import UsageError, meant
 from services.toolbox.help import EXIT_CODES
-from services.toolbox.setting_sources import ENV_PREFIX
+from services.toolbox.setting_sources import ENV_PREFIX, option_of
 from services.toolbox.settings import load, names_of, variables
 from services.toolbox.stdio import PrintError
 
@@ -79,6 +79,8 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
             positional=command.positional,
             examples=command.examples,
         )
+        for name in loaded.exposed:
+            sys.stderr.write(f"{prog}: {_exposure(name)}\n")
         lasting = not command.ends(loaded.settings)
         logs.configure(loaded.log_level or ("info" if lasting else command.log_level))
         return _run(command, loaded.settings)
@@ -92,6 +94,13 @@ def _start(command: Command, arguments: Sequence[str]) -> int:
         return process.written(0)
     sys.stderr.write(f"{prog}: {printable(reason)}\n")
     return process.EXIT_USAGE
+
+
+def _exposure(name: str) -> str:
+    return (
+        f"{option_of(name)} holds a secret, which everybody on this machine can see in the list of processes: give it"
+        f" in {ENV_PREFIX}{name.upper()}, or in the file that --config names"
+    )
 
 
 def _doubts(model: type[BaseModel]) -> Iterator[str]:

@@ -22,7 +22,7 @@ from pydantic_settings import (
     SettingsError,
 )
 
-from services.option_names import OPTIONS
+from services.option_names import OPTIONS, holds_secret
 from services.toolbox.errors import UsageError, meant
 from services.toolbox.help import Usage, help_text, usage_line
 from services.toolbox.setting_sources import ENV_PREFIX, SettingOrigins, SettingsFile, option_of
@@ -39,10 +39,14 @@ LogLevel = Literal["debug", "info", "warning", "error"]
 
 @dataclass(frozen=True, slots=True)
 class Loaded(Generic[S]):
-    """A process's settings, and those of every process. log_level: None unless given."""
+    """A process's settings, and those of every process.
+
+    log_level: None unless given. exposed: settings with secrets that the command line gave.
+    """
 
     settings: S
     log_level: LogLevel | None
+    exposed: tuple[str, ...] = ()
 
 
 class _EnvironmentSource(EnvSettingsSource):
@@ -91,14 +95,16 @@ def load(
         found = _settings_class(model, prog, file)(_cli_parse_args=list(argv))  # type: ignore[call-arg]
         own = {name: field for name, field in model.model_fields.items() if name in found.model_fields_set}
         values = {field.alias or name: getattr(found, name) for name, field in own.items()}
-        settings = model.model_validate(values, context={OPTIONS: given.options()})
+        options = given.options()
+        settings = model.model_validate(values, context={OPTIONS: options})
     except ValidationError as error:
         raise UsageError(_first_mistake(error, given)) from error
     except UnicodeEncodeError as error:
         raise UsageError(f"{given.place_of_what_is_no_text()}: not UTF-8") from error
     except SettingsError as error:
         raise UsageError(_unparsed(str(error), model, usage_line(model, usage))) from error
-    return Loaded(settings, found.log_level)
+    secret = (name for name in sorted(options) if holds_secret(model.model_fields[name], getattr(settings, name)))
+    return Loaded(settings, found.log_level, tuple(secret))
 
 
 def names_of(model: type[BaseModel]) -> list[str]:
@@ -204,6 +210,8 @@ def _first_mistake(error: ValidationError, given: SettingOrigins) -> str:
         return given.options_in(reason)
     name, read = str(mistake["loc"][0]), mistake["input"]
     value = repr(str(read) if isinstance(read, PurePath) else read)[:MAX_VALUE]
+    if holds_secret(given.model.model_fields.get(name), read):
+        return f"{given.place_of(name)}: {reason}"
     match mistake["type"]:
         case "missing":
             return f"{option_of(name)} is required (or {ENV_PREFIX}{name.upper()}, or in the file that --config names)"

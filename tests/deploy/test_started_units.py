@@ -174,7 +174,9 @@ def test_a_machine_enrols_and_renews_by_the_units(machine: Machine) -> None:
     said = machine.run("/bin/sh", "-c", as_authority)
     printed = re.search(r"^fleetsight (pki enrol .*)$", said, re.MULTILINE)
     assert printed is not None
-    machine.run("runuser", "-u", "fleetsight", "--", PROGRAM, *shlex.split(printed[1]), "--into", TLS)
+    token = next(line for line in said.splitlines() if line.startswith("r1:"))
+    enrol = ("env", f"FLEETSIGHT_TOKEN={token}", PROGRAM, *shlex.split(printed[1]), "--into", TLS)
+    machine.run("runuser", "-u", "fleetsight", "--", *enrol)
     assert machine.run("stat", "--format=%U %a", f"{TLS}/r1.key").split() == ["fleetsight", "600"]
     assert "r1 enrolled from 127.0.0.1" in machine.log("fleetsight-enrolment")
 

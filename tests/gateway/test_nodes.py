@@ -26,6 +26,8 @@ def test_a_robots_gateways_are_known_by_the_names_that_they_get_and_by_no_others
     name = node_name(robot, "0123456789abcdef")
     assert is_of(f"/{name}", robot)
     assert is_of(f"/ns/{name}", robot)
+    assert is_of(f"/{name}_2", robot)
+    assert not is_of(f"/{name}_12345678", robot)
     for other in (f"/{name}0", f"/{name}/camera", f"/{name[:-1]}", f"/{name[:-1]}g", f"/x{name}", "/camera"):
         assert not is_of(other, robot)
     assert not is_of(f"/{node_name(f'{robot}_01234567', 'f' * 32)}", robot)

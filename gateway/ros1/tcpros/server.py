@@ -17,7 +17,7 @@ from gateway.ros1.wire.header import MAX_HEADER_BYTES
 from gateway.ros1.wire.tcpros import PublisherConnection, SubscriberRefused
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from types import TracebackType
 
     from gateway.ros1.tasks import TaskScope
@@ -30,12 +30,12 @@ _UNFINISHED_HEADERS = 4  # of the largest size, of all subscribers together
 
 
 class TcprosServer:
-    """One listener for all publications of a node; its tasks live in the node's scope."""
+    """One listener for all publications of a node, whose name may change; its tasks live in the node's scope."""
 
     def __init__(
         self,
         *,
-        callerid: str,
+        callerid: Callable[[], str],
         host: str,
         publications: Mapping[str, Publication],
         scope: TaskScope,
@@ -99,7 +99,7 @@ class TcprosServer:
         """Return the answer to the subscriber's header; a refusal has already been sent."""
         loop = asyncio.get_running_loop()
         offers = {topic: publication.offer for topic, publication in self._publications.items()}
-        protocol = PublisherConnection(callerid=self._callerid, offers=offers, budget=self._budget)
+        protocol = PublisherConnection(callerid=self._callerid(), offers=offers, budget=self._budget)
         with closing(protocol):
             while data := await loop.sock_recv(connection, 4096):
                 event = protocol.receive_data(data)

@@ -51,11 +51,8 @@ class ServiceAnswer:
 class ServiceClient:
     """Calls services that one master knows, on behalf of one node."""
 
-    def __init__(
-        self, master: MasterClient, *, callerid: str, max_response_bytes: int = DEFAULT_MAX_RESPONSE_BYTES
-    ) -> None:
+    def __init__(self, master: MasterClient, *, max_response_bytes: int = DEFAULT_MAX_RESPONSE_BYTES) -> None:
         self._master = master
-        self._callerid = callerid
         self._max_response_bytes = max_response_bytes
 
     async def call(
@@ -77,7 +74,7 @@ class ServiceClient:
 
         """
         connection = ServiceConnection(
-            callerid=self._callerid,
+            callerid=self._master.caller_id,
             service=validate_global(service),
             expected=expected,
             max_response_bytes=self._max_response_bytes,

@@ -120,7 +120,7 @@ class Subscription:
     def __init__(
         self,
         *,
-        callerid: str,
+        callerid: Callable[[], str],
         topic: str,
         expected: TopicType,
         on_message: Callable[[Message], None],
@@ -226,7 +226,7 @@ class Subscription:
         try:
             address = await self._request_topic(uri)
             connection = SubscriberConnection(
-                callerid=self._callerid,
+                callerid=self._callerid(),
                 topic=self.topic,
                 expected=self._expected,
                 max_message_bytes=self._max_message_bytes,
@@ -239,7 +239,7 @@ class Subscription:
         return LinkFailure.CLOSED, "end of stream"
 
     async def _request_topic(self, uri: str) -> tuple[str, int]:
-        return parse_offer(await self._client.call(uri, "requestTopic", self._callerid, self.topic, [["TCPROS"]]))
+        return parse_offer(await self._client.call(uri, "requestTopic", self._callerid(), self.topic, [["TCPROS"]]))
 
     def accept(self, found: TopicType) -> None:
         """Accept a publisher's type, or raise.

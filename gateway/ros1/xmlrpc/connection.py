@@ -66,7 +66,12 @@ class ServerConnection(asyncio.Protocol):
     """Reads one call and sends one answer; invalid requests are refused, and the rest of them is discarded."""
 
     def __init__(
-        self, connections: Connections, answer: Callable[[MethodCall], bytes], *, timeout: float, max_body_bytes: int
+        self,
+        connections: Connections,
+        answer: Callable[[MethodCall, str], bytes],
+        *,
+        timeout: float,
+        max_body_bytes: int,
     ) -> None:
         self.peer = ""
         self.answered = False
@@ -119,7 +124,7 @@ class ServerConnection(asyncio.Protocol):
         if call is None:
             self._connections.hold(self, self._held_bytes)
         else:
-            self._send(self._exchange.answer(self._answer(call))).close()
+            self._send(self._exchange.answer(self._answer(call, self.peer))).close()
 
     def _send(self, data: bytes) -> asyncio.Transport:
         self.answered = True

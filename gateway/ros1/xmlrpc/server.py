@@ -14,6 +14,7 @@ from gateway.ros1.xmlrpc.connection import Connections, ServerConnection
 
 if TYPE_CHECKING:
     import socket
+    from collections.abc import Callable
     from types import TracebackType
 
     from gateway.ros1.wire.xmlrpc import MethodCall
@@ -43,7 +44,8 @@ class XmlRpcServer:
 
     A connection is closed `timeout` seconds after it was made at the latest, whatever it has sent by then. Further
     connections than MAX_CONNECTIONS are closed at once. Requests under way hold as much as four bodies of
-    `max_body_bytes` at most; beyond it the largest is closed.
+    `max_body_bytes` at most; beyond it the largest is closed. `check` is called with the peer's address and the method
+    before each call; a StatusError that it raises is the answer.
     """
 
     def __init__(
@@ -54,12 +56,14 @@ class XmlRpcServer:
         port: int = 0,
         timeout: float = 5.0,
         max_body_bytes: int = DEFAULT_MAX_BODY_BYTES,
+        check: Callable[[str, str], None] | None = None,
     ) -> None:
         self._api = api
         self._host = host
         self._port = port
         self._timeout = timeout
         self._max_body_bytes = max_body_bytes
+        self._check = check
         self._connections = Connections(limit=MAX_CONNECTIONS, max_held_bytes=_MAX_HELD_BODIES * max_body_bytes)
         self._acceptor: Acceptor | None = None
         self._connecting: set[asyncio.Task[object]] = set()
@@ -98,16 +102,18 @@ class XmlRpcServer:
             self._connections, self._answer_to, timeout=self._timeout, max_body_bytes=self._max_body_bytes
         )
 
-    def _answer_to(self, call: MethodCall) -> bytes:
+    def _answer_to(self, call: MethodCall, peer: str) -> bytes:
         """Return the body that answers a call."""
-        answer = self._answer(call)
+        answer = self._answer(call, peer)
         try:
             return encode(answer)
         except XmlRpcError as error:
             return encode(Fault(2, str(error)))
 
-    def _answer(self, call: MethodCall) -> Body:
+    def _answer(self, call: MethodCall, peer: str) -> Body:
         try:
+            if self._check is not None:
+                self._check(peer, call.method)
             message, value = self._api.call(call.method, call.params)
         except StatusError as error:
             return MethodResponse([error.code, error.reason, error.value])

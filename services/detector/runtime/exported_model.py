@@ -4,6 +4,7 @@ import ast
 import base64
 import binascii
 import hashlib
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,9 @@ from services.detector.runtime.model_file import (
     class_names,
 )
 from services.detector.runtime.postprocess import HEADS, Head
+from services.file_ownership import is_everybodys
+
+log = logging.getLogger(__name__)
 
 Shape = tuple[int | None, ...]
 """Images, channels, height and width of an input; None where any number will do."""
@@ -92,6 +96,9 @@ def read_exported(
         raise
     except Exception as error:
         raise ModelError(f"{what}: not a model that can be used: {first_line(error)}") from error
+    for each in {file, file.with_suffix(".bin")}:
+        if each.exists() and is_everybodys(each):
+            log.warning("%s: everybody on this machine could exchange the model: chmod o-w %s", what, each)
     if nms is not None and nms is not (found.head == "nms"):
         has = "needs NMS" if found.head == "nms" else "finds each object once"
         raise ModelError(f"{'--nms' if nms else '--no-nms'} with {what}: the head that it was exported with {has}")

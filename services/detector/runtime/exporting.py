@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 from services.detector.model import ModelError, first_line
 from services.detector.runtime.engine import BATCH_ON_GPU
 from services.detector.runtime.postprocess import Head
+from services.file_ownership import FOLDER_MODE, NotOursError, check_ours, keep_others_out
 
 if TYPE_CHECKING:
     from services.detector.runtime.weights import Weights
@@ -27,6 +28,9 @@ log = logging.getLogger(__name__)
 MAKING: Final = ".exporting-"
 ABANDONED_S: Final = 24 * 3600
 """Age at which a folder that was never put in place is that of a process that was killed: exports take minutes."""
+
+DIGEST: Final = "digest"
+"""The file beside an export that has its name in the cache and its SHA-256."""
 
 FILES: Final = {"onnx": "model.onnx", "engine": "model.engine"}
 
@@ -56,19 +60,24 @@ def exported(
 ) -> Path:
     """Return the model as a file for other runtimes, exported by Ultralytics unless it is in the cache.
 
-    Any number of processes may do so at once: what is in the cache is whole, and the same whoever made it.
+    Any number of processes may do so at once: what is in the cache is whole, and the same whoever made it. Only what
+    nobody but this user and root can have put there is returned, and only if it has the digest that it was kept under.
 
     kind: of FILES. device: to export on. gpu: what kind of GPU that is. spare: where it goes if the cache cannot be
     written, or read. damaged: a file that is of no use, wherever it is.
 
     Raises:
-        ModelError: the export failed, or the weights are no longer those that were loaded.
+        ModelError: the export failed, the weights are no longer those that were loaded, or others can write the cache.
     """
     name = entry(weights.digest, kind, longest, installed(EXPORTERS[kind]), gpu, head=weights.head)
     for place in (cache, spare):
         file = place / name / FILES[kind]
+        _check_ours(place, file)
         if file != damaged and os.access(file, os.R_OK):  # unlike Path's questions, answers where nobody may look
-            return file
+            if _is_as_kept(file):
+                return file
+            log.warning("%s is not as it was kept, and is exported again", file)
+            discard(file.parent)
     log.info("exporting %s for %s, once", weights.path.name, kind)
     export = partial(_export, weights, kind, device=device, longest=longest)
     try:
@@ -77,6 +86,26 @@ def exported(
         raise
     except Exception as error:
         raise ModelError(f"{weights.path.name} cannot be exported for {kind}: {first_line(error)}") from error
+
+
+def _check_ours(cache: Path, file: Path) -> None:
+    """Raise ModelError if others can write an export, or a folder that it is in; what is not there is nobody's."""
+    try:
+        check_ours(*(each for each in (cache, file.parent, file) if os.access(each, os.F_OK)))
+    except NotOursError as error:
+        raise ModelError(f"--cache {cache}: others could exchange its models: {error}") from error
+
+
+def _is_as_kept(file: Path) -> bool:
+    """Whether an export has the digest that was noted when it was put in the cache, under this name."""
+    with suppress(OSError, UnicodeDecodeError):
+        return (file.parent / DIGEST).read_text(encoding="ascii") == _note(file, file.parent.name)
+    return False
+
+
+def _note(file: Path, name: str) -> str:
+    with file.open("rb") as content:
+        return f"{hashlib.file_digest(content, 'sha256').hexdigest()} {name}\n"
 
 
 def entry(digest: str, kind: str, longest: int, exporters: Sequence[str], gpu: str, *, head: Head = "nms") -> str:
@@ -104,7 +133,7 @@ def _kept(export: Callable[[Path], None], folder: Path, spare: Path) -> Path:
 
 
 def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest: int) -> None:
-    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.parent.mkdir(FOLDER_MODE, parents=True, exist_ok=True)
     remove_abandoned(folder.parent, time.time())
     own = Path(tempfile.mkdtemp(prefix=MAKING, dir=folder.parent))
     making = own / folder.name
@@ -117,6 +146,7 @@ def _export(weights: "Weights", kind: str, folder: Path, *, device: str, longest
         copy.unlink()
         if made != (making / FILES[kind]).absolute():
             raise RuntimeError(f"it is not where it should be: {made}")
+        (making / DIGEST).write_text(_note(made, folder.name), encoding="ascii")
         put_in_place(making, folder)
         with (folder / FILES[kind]).open("rb"):
             pass  # another user may have been quicker, and keep it to themselves
@@ -193,6 +223,7 @@ def remove_abandoned(cache: Path, now_s: float) -> None:
 def put_in_place(made: Path, folder: Path) -> None:
     """Rename the export to `folder` atomically, unless another process was quicker."""
     for each in (*made.rglob("*"), made):  # folders too: they say which files there are
+        keep_others_out(each)
         descriptor = os.open(each, os.O_RDONLY)
         try:
             os.fsync(descriptor)  # a machine may lose its power before what has its name already is written

@@ -25,7 +25,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from schemas.errors import SchemaError
 from schemas.keys import check_name
 from services.monitor.formats import epoch_ns
-from services.option_names import given_as_options
+from services.option_names import Secret, given_as_options
 
 NONE: Final = "none"
 SCHEMES: Final = ("sqlite:///", "postgresql://")
@@ -68,7 +68,11 @@ def _refusal(text: str, reason: str) -> ValidationError:
     return ValidationError.from_exception_data("history", [error])
 
 
-HistoryUrl = Annotated[str, BeforeValidator(_url)]
+def _has_password(url: str) -> bool:
+    return re.search(r"//[^/@]*:[^/@]+@|[?&](?:ssl)?password=", url) is not None
+
+
+HistoryUrl = Annotated[str, BeforeValidator(_url), Secret(_has_password)]
 
 
 def default_state() -> Path:

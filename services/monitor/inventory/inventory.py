@@ -1,6 +1,7 @@
 """The inventory: the objects in view of every camera of the fleet, and since when. Pure."""
 
 from bisect import bisect_left, bisect_right, insort
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
@@ -67,7 +68,8 @@ class Inventory:
 
     Every method that may add a member raises InventoryFullError when there are MAX_MEMBERS already and none is absent.
 
-    room: which cameras make room for new ones.
+    room: which cameras make room for new ones. refused: class lists that came again, late or out of order, by camera.
+    ignored_opinions: second opinions of which that is so, or whose camera is not known.
     """
 
     def __init__(self, limits: TrustLimits | None = None) -> None:
@@ -77,6 +79,8 @@ class Inventory:
         self._in_order: list[CameraKey] = []
         self._alive: set[str] = set()
         self.member_limit = MemberLimit()
+        self.refused = Counter[CameraKey]()
+        self.ignored_opinions = 0
         self._class_room = ClassRoom()
         self._added = 0
         self._on_leave: list[WeakMethod[OnLeave]] = []
@@ -149,6 +153,8 @@ class Inventory:
         camera = self._camera(camera_key(seen.header.robot, seen.header.camera))
         of = self.limits
         changes = camera.see(seen, max(1, at_ns), of.debounce, of.stale_ns, of.lost_ns)
+        if changes is None:
+            self.refused[camera.key] += 1
         if len(camera.views) > 1:
             self._disputed.add(camera.key)
         self.member_limit.heard(camera.key)
@@ -163,9 +169,12 @@ class Inventory:
         """
         camera = self._cameras.get(camera_key(seen.header.robot, seen.header.camera))
         if camera is None:
+            self.ignored_opinions += 1
             return False
         self._disputed.add(camera.key)
-        return camera.opine(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
+        taken = camera.opine(seen, max(1, at_ns), self.limits.debounce, self.limits.stale_ns)
+        self.ignored_opinions += not taken
+        return taken
 
     def measure(self, distances: Distances, at_ns: int) -> bool:
         """Take distances; return False if they are a duplicate or late."""
@@ -312,6 +321,7 @@ class Inventory:
         left = [self._cameras.pop(key) for key in keys]
         for view in left:
             self.member_limit.remove(view.key)
+            self.refused.pop(view.key, None)
             self._disputed.discard(view.key)
             if not view.lost:
                 self._gave_up += view.lose()

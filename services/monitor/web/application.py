@@ -30,6 +30,7 @@ from services.monitor.web.auth.gate import ServedAt
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.middleware import AccessMiddleware, problem
 from services.monitor.web.auth.routes import access_routes
+from services.monitor.web.connections import share_of
 from services.monitor.web.metrics import watching_routes
 
 METHODS: Final = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE")
@@ -81,8 +82,6 @@ class Token(SecurityBase):
 
 ERRORS: Final[dict[int | str, dict[str, Any]]] = {"4XX": {"model": ErrorAnswer}, "5XX": {"model": ErrorAnswer}}
 
-HERE: Final = frozenset({"localhost", "127.0.0.1", "::1", "[::1]"})
-
 ABOUT: Final = """Objects in view. Log in with a token, `Authorization: Bearer ...`; `fleetsight users token NAME`
 makes one. Operators may do everything, viewers only read. Errors are `{"error": "one line"}`. The same
 data as it changes: WebSocket `/api/v1/live`."""
@@ -119,18 +118,26 @@ def make_application(monitor: Monitor, access: Access) -> FastAPI:
     return app
 
 
-def guarded(app: FastAPI, access: Access, settings: WebSettings) -> AccessMiddleware:
+def guarded(
+    app: FastAPI, access: Access, settings: WebSettings, machine_names: frozenset[str] = frozenset()
+) -> AccessMiddleware:
     """Return the application behind its access checks."""
-    return AccessMiddleware(app, access, cookie=cookie_of(settings), place=place_of(settings))
+    return AccessMiddleware(
+        app,
+        access,
+        cookie=cookie_of(settings),
+        place=place_of(settings, machine_names),
+        most_of_user=share_of(settings.web_connections),
+    )
 
 
-def place_of(settings: WebSettings) -> ServedAt:
-    """Return where we are served; on loopback only under this machine's own names."""
+def place_of(settings: WebSettings, machine_names: frozenset[str] = frozenset()) -> ServedAt:
+    """Return where we are served: under which names a browser may come; over our own HTTPS its certificate says so."""
     url = settings.web_url
-    hosts = HERE if settings.web_host in HERE else frozenset()
+    names = {"localhost", settings.web_host.lower(), *settings.web_host_names, *machine_names}
     return ServedAt(
         origin="" if url is None else origin_of(url),
-        hosts=hosts if url is None or not hosts else hosts | {url.host or ""},
+        hosts=frozenset() if settings.web_certificate else frozenset(names | ({url.host or ""} if url else set())),
         open_metrics=settings.web_open_metrics,
         secure=settings.web_certificate is not None,
     )

@@ -13,7 +13,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 
 from schemas.alerts import Severity
-from schemas.keys import Stream
+from schemas.keys import CameraKey, Stream
 from schemas.status import BEYOND_USE, GatewayStatus
 from schemas.worker_keys import DETECTOR
 from services.monitor.inventory.member_limit import MAX_MEMBERS
@@ -45,12 +45,13 @@ class _MonitorCollector(Collector):
     def __init__(self, monitor: Monitor, snapshot: Snapshot) -> None:
         self._monitor = list(_of_monitor(monitor, snapshot))
         self._snapshot = snapshot
+        self._refused = Counter(monitor.fleet.inventory.refused)
 
     def collect(self) -> Iterator[Metric]:
         """Yield the metrics."""
         yield from self._monitor
         yield from _of_robots(self._snapshot.robots[:MAX_LABELLED])
-        yield from _of_cameras(self._snapshot.cameras[:MAX_LABELLED])
+        yield from _of_cameras(self._snapshot.cameras[:MAX_LABELLED], self._refused)
         yield from _of_workers(self._snapshot.workers[:MAX_LABELLED])
         yield _beyond_use(self._snapshot)
 
@@ -90,6 +91,11 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
         "fleetsight_class_lists_refused",
         "Class lists that came again, late, or with a number out of order.",
         monitor.fleet.refused_lists,
+    )
+    yield CounterMetricFamily(
+        "fleetsight_opinions_ignored",
+        "Second opinions that came again, late, or of cameras that are not known.",
+        monitor.fleet.inventory.ignored_opinions,
     )
     yield CounterMetricFamily("fleetsight_history_lost", "History intervals dropped.", history.lost)
     yield GaugeMetricFamily("fleetsight_leads", "1 while this monitor raises the alerts.", history.leads)
@@ -175,18 +181,23 @@ def _of_robots(robots: tuple[RobotLine, ...]) -> Iterator[Metric]:
     yield from (online, info, last, dropped)
 
 
-def _of_cameras(cameras: tuple[CameraLine, ...]) -> Iterator[Metric]:
+def _of_cameras(cameras: tuple[CameraLine, ...], refused: Counter[CameraKey]) -> Iterator[Metric]:
     names = ["robot", "camera"]
     online = GaugeMetricFamily("fleetsight_camera_online", "1 while the camera is online.", labels=names)
     rate = GaugeMetricFamily("fleetsight_camera_class_lists_hz", "Class lists per second.", labels=names)
     age = GaugeMetricFamily("fleetsight_camera_age_seconds", "Age of the newest frame.", labels=names)
+    late = CounterMetricFamily(
+        "fleetsight_camera_class_lists_refused", "Class lists that came again, late, or out of order.", labels=names
+    )
     for camera in cameras:
         labels = [camera.key.robot, camera.key.camera]
+        if camera.key in refused:
+            late.add_metric(labels, refused[camera.key])
         online.add_metric(labels, camera.row.online)
         rate.add_metric(labels, camera.row.rate_hz)
         if camera.row.age is not None:
             age.add_metric(labels, camera.row.age.seconds)
-    yield from (online, rate, age)
+    yield from (online, rate, age, late)
 
 
 def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:

@@ -6,6 +6,7 @@ import ipaddress
 import logging
 import os
 import socket
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -61,6 +62,24 @@ def url_of(listener: socket.socket, settings: WebSettings) -> str:
     return f"{scheme}://[{host}]:{port}" if ":" in host else f"{scheme}://{host}:{port}"
 
 
+async def machine_names() -> frozenset[str]:
+    """Return this machine's names in lower case: its own, that for mDNS, and that with its domain if found soon."""
+    name = socket.gethostname().lower()
+    short = name.partition(".")[0]
+    names = {name, short, f"{short}.local"}
+
+    def ask() -> None:
+        names.add(socket.getfqdn(name).lower().removesuffix("."))
+
+    with suppress(TimeoutError):
+        async with asyncio.timeout(NAMES_S):
+            await in_daemon_thread(ask)
+    return frozenset(names)
+
+
+NAMES_S: Final = 2.0
+"""Seconds allowed for a name server to say which domain this machine is in."""
+
 log = logging.getLogger(__name__)
 
 
@@ -98,7 +117,8 @@ class Web:
             group.create_task(self.access.run())
             if self.tls is not None:
                 group.create_task(self.tls.keep_current())
-            await serve(monitor, self.listener, self.access, None if self.tls is None else self.tls.context)
+            tls = None if self.tls is None else self.tls.context
+            await serve(monitor, self.listener, self.access, tls, await machine_names())
 
     def notes(self) -> list[str]:
         """Return notes for the terminal."""

@@ -19,7 +19,7 @@ from uvicorn.server import ServerState
 from services.monitor.monitor import Monitor
 from services.monitor.web.application import guarded, make_application
 from services.monitor.web.auth.logins import Access
-from services.monitor.web.connections import Acceptor
+from services.monitor.web.connections import KNOWN, Acceptor, Connection
 from services.monitor.web.pages import add_pages
 
 HEAD_S: Final = 10.0
@@ -28,8 +28,8 @@ HEAD_S: Final = 10.0
 MAX_HEAD_BYTES: Final = 64 * 1024
 
 
-class BoundedProtocol(HttpToolsProtocol):
-    """Closes connections whose head is too slow or too long."""
+class BoundedProtocol(HttpToolsProtocol, Connection):
+    """Closes connections whose head is too slow or too long; its connection is a stranger's until told otherwise."""
 
     def __init__(
         self,
@@ -44,6 +44,8 @@ class BoundedProtocol(HttpToolsProtocol):
         self._head_s = head_s
         self._head_bytes = 0
         self._head_ends: asyncio.TimerHandle | None = None
+        self.opened_s = self.loop.time()
+        self.is_stranger = True
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start the timeout of the first head."""
@@ -66,6 +68,7 @@ class BoundedProtocol(HttpToolsProtocol):
     def on_message_begin(self) -> None:
         """Start the timeout of a further head."""
         super().on_message_begin()
+        self.scope[KNOWN] = self._become_known  # type: ignore[typeddict-unknown-key]
         if self._head_ends is None:
             self._begin_head()
 
@@ -73,6 +76,9 @@ class BoundedProtocol(HttpToolsProtocol):
         """End the timeout of the head."""
         self._end_head()
         super().on_headers_complete()
+
+    def _become_known(self) -> None:
+        self.is_stranger = False
 
     def _begin_head(self) -> None:
         self._head_bytes = 0
@@ -132,8 +138,17 @@ class _Server(uvicorn.Server):
         yield
 
 
-async def serve(monitor: Monitor, listener: socket.socket, access: Access, tls: ssl.SSLContext | None = None) -> None:
-    """Serve on a listening socket until cancelled, then close it. tls: over HTTPS with this context."""
+async def serve(
+    monitor: Monitor,
+    listener: socket.socket,
+    access: Access,
+    tls: ssl.SSLContext | None = None,
+    machine_names: frozenset[str] = frozenset(),
+) -> None:
+    """Serve on a listening socket until cancelled, then close it.
+
+    tls: over HTTPS with this context. machine_names: host names of this machine.
+    """
     app = make_application(monitor, access)
     ui.run_with(
         app,
@@ -148,7 +163,7 @@ async def serve(monitor: Monitor, listener: socket.socket, access: Access, tls: 
     add_pages(app, monitor)
     settings = monitor.settings
     config = uvicorn.Config(
-        guarded(app, access, settings),
+        guarded(app, access, settings, machine_names),
         log_config=None,
         log_level="warning",
         access_log=False,

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 from benchmarks.peers.flood import FLOODS
+from benchmarks.peers.link_flood import FLOODS as LINK_FLOODS
 from benchmarks.security.__main__ import targets
 from schemas import codec
 
@@ -42,15 +43,19 @@ def test_what_is_forbidden_is_counted_and_what_passed_of_it_by_test(tmp_path: Pa
 
 
 def test_a_target_is_missed_when_one_attempt_succeeds_or_a_flood_takes_too_much() -> None:
-    found = {f"{kind}_{what}": 1.0 for kind in FLOODS for what in ("rss_growth_mb", "answers_s")}
+    kinds = (*FLOODS, *LINK_FLOODS, "masks")
+    found = {f"{kind}_{what}": 1.0 for kind in kinds for what in ("rss_growth_mb", "answers_s")}
     found["robot_others_s"] = 1.0
     met = targets({"cases": 9, "refused": 9, **found})
     assert all(each["met"] for each in met.values())
-    missed = targets({"cases": 9, "refused": 8, **found, "names_rss_growth_mb": 201.0, "robot_others_s": 2.1})
+    missed = targets(
+        {"cases": 9, "refused": 8, **found, "names_rss_growth_mb": 201.0, "robot_others_s": 2.1, "masks_answers_s": 2.1}
+    )
     assert {name for name, each in missed.items() if not each["met"]} == {
         "refused / cases",
         "names_rss_growth_mb",
         "robot_others_s",
+        "masks_answers_s",
     }
 
 

@@ -6,7 +6,8 @@ from contextlib import closing, suppress
 import pytest
 
 from gateway.doctor.evidence import Failure, HostLook, Router, Trouble
-from gateway.doctor.reachability import is_ours, look_at_host, look_at_router, reach, resolve
+from gateway.doctor.reachability import look_at_host, look_at_router, reach, resolve
+from gateway.ros1.listening import is_local
 from tests.integration.peers.ros import free_port
 
 PATIENCE_S = 5.0
@@ -62,11 +63,11 @@ async def test_an_address_without_a_route() -> None:
 
 @pytest.mark.parametrize(("address", "ours"), [("127.0.0.1", True), ("192.0.2.1", False), ("2001:db8::1", False)])
 async def test_whose_address_it_is(address: str, *, ours: bool) -> None:
-    assert is_ours(address) is ours
+    assert is_local(address) is ours
     assert await look_at_host(address, PATIENCE_S) == HostLook(address, (address,), ours)
 
 
-def test_where_there_is_no_ipv6_no_such_address_is_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_there_is_no_ipv6_no_such_address_is_local(monkeypatch: pytest.MonkeyPatch) -> None:
     def without_ipv6(family: socket.AddressFamily, kind: socket.SocketKind) -> socket.socket:
         if family == socket.AF_INET6:
             raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
@@ -74,8 +75,8 @@ def test_where_there_is_no_ipv6_no_such_address_is_ours(monkeypatch: pytest.Monk
 
     made = socket.socket
     monkeypatch.setattr(socket, "socket", without_ipv6)
-    assert not is_ours("::1")
-    assert is_ours("127.0.0.1")
+    assert not is_local("::1")
+    assert is_local("127.0.0.1")
 
 
 async def test_a_router() -> None:

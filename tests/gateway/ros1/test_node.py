@@ -220,16 +220,42 @@ async def test_callback_that_fails_is_counted_logged_and_harms_nothing(
     assert a.uri in caplog.text
 
 
-async def test_name_that_is_taken_ends_the_registrations(master: RosMaster) -> None:
+async def test_name_that_is_taken_is_left_to_the_other_and_costs_no_registration(master: RosMaster) -> None:
     async with node("/a", master) as first, first.advertise("/chat", STRING):
         await until(lambda: first.registered, "the first is registered")
         async with node("/a", master) as second, second.advertise("/other", STRING):
-            async with asyncio.timeout(10):
-                await first.shutdown_requested.wait()
+            await until(lambda: first.name == "/a_2" and first.registered, "the first has another name")
             await until(lambda: second.registered, "the second is registered")
-            assert not second.shutdown_requested.is_set()
+            assert (second.name, first.shutdown_requested.is_set()) == ("/a", False)
             state = await second.master.get_system_state()
-            assert state.publishers == {"/other": ("/a",)}
+            assert state.publishers == {"/chat": ("/a_2",), "/other": ("/a",)}
+            async with first.advertise("/later", STRING):
+                await until(lambda: first.registered, "it registers more")
+                assert (await second.master.get_system_state()).publishers["/later"] == ("/a_2",)
+
+
+async def test_name_that_is_taken_while_the_master_is_away_waits_for_it() -> None:
+    async with AsyncExitStack() as stack:
+        async with RosMaster() as master:
+            port = int(master.uri.rstrip("/").rpartition(":")[2])
+            a = await stack.enter_async_context(Node("/a", master_uri=master.uri, poll_interval=0.05))
+            await stack.enter_async_context(a.advertise("/chat", STRING))
+            await until(lambda: a.registered, "it is registered")
+        async with XmlRpcClient() as client:
+            await client.call(a.uri, "shutdown", "/master", "[/a] Reason: new node registered with same name")
+        await until(lambda: a.master_answers is False, "the master is missed")
+        await stack.enter_async_context(RosMaster(port=port))
+        await until(lambda: a.name == "/a_2" and a.registered, "it has another name")
+
+
+async def test_node_that_is_asked_to_end_is_told_to_its_owner(master: RosMaster) -> None:
+    async with node("/a", master) as a, a.advertise("/chat", STRING), XmlRpcClient() as client:
+        await until(lambda: a.registered, "it is registered")
+        await client.call(a.uri, "shutdown", "/rosnode", "user request")
+        assert a.shutdown_requested.is_set()
+        async with node("/watch", master) as watch, asyncio.timeout(10):
+            while (await watch.master.get_system_state()).publishers:  # noqa: ASYNC110 - nobody tells
+                await asyncio.sleep(0.02)
 
 
 async def test_master_that_restarts_is_told_again() -> None:

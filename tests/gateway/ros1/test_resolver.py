@@ -173,7 +173,7 @@ async def test_services_on_machines_that_nobody_knows_keep_no_thread_of_asyncios
         master = MasterClient(client, uri=ros_master.uri, caller_id="/arm")
         for n in range(40):
             await master.call("registerService", f"/stop{n}", f"rosrpc://lost{n}:1", "http://127.0.0.1:9/")
-        ours = ServiceClient(master, callerid="/ours")
+        ours = ServiceClient(master)
         calls = [
             asyncio.create_task(ours.call(f"/stop{n}", TopicType("*", "*"), lambda _: b"", timeout_s=60))
             for n in range(40)

@@ -3,7 +3,7 @@
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -55,11 +55,16 @@ def settings_of(folder: Path, name: str, **more: object) -> BusSettings:
 
 
 @contextmanager
-def router(folder: Path, *, fleet: str = FLEET, rules: bool = True) -> Iterator[tuple[zenoh.Session, str]]:
-    """Open a router, with access rules or without; yield its own session, which they do not bind, and its endpoint."""
+def router(
+    folder: Path, *, fleet: str = FLEET, rules: bool = True, access: Mapping[str, Any] | None = None
+) -> Iterator[tuple[zenoh.Session, str]]:
+    """Open a router, with access rules or without; yield its own session, which they do not bind, and its endpoint.
+
+    access: the rules, instead of those for `fleet`.
+    """
     endpoint = free_endpoint().replace("tcp/127.0.0.1", "tls/127.0.0.1")
     settings = settings_of(folder, "central", mode="router", listen=[endpoint])
-    config = session_config(settings, access=access_control(read_fleet(fleet)) if rules else None)
+    config = session_config(settings, access=access or access_control(read_fleet(fleet)) if rules else None)
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
         yield session, endpoint
 

@@ -170,7 +170,6 @@ async def test_rules_deny_who_is_revoked(tmp_path: Path, capsys: pytest.CaptureF
         ({"task": "invite"}, "invite needs a name"),
         ({"task": "serve", "at": "central:x"}, "'central:x' is no address; write it like central:7448"),
         ({"task": "enrol", "token": "r4:x:y"}, "enrol needs --at"),
-        ({"task": "enrol", "at": "central"}, "enrol needs --token"),
         ({"task": "enrol", "at": "central", "renew": True}, "enrol --renew needs a name"),
         ({"task": "enrol", "at": "central", "token": "r4"}, "this is no token"),
         ({"task": "enrol", "at": "central", "token": "r4:x:y", "name": "r5"}, "the token is for r4, not for r5"),

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import pty
 import re
 import shlex
 import signal
@@ -10,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -54,9 +56,9 @@ class Log:
         self._process.stderr.close()
 
 
-def run(folder: Path, *arguments: str, code: int = 0) -> str:
-    """Return what a command printed."""
-    done = subprocess.run([*PROGRAM, *arguments], cwd=folder, capture_output=True, text=True, check=False)
+def run(folder: Path, *arguments: str, code: int = 0, given: str = "") -> str:
+    """Return what a command printed. given: on its standard input."""
+    done = subprocess.run([*PROGRAM, *arguments], cwd=folder, capture_output=True, text=True, check=False, input=given)
     assert done.returncode == code, done.stderr
     return done.stderr if code else done.stdout
 
@@ -100,10 +102,14 @@ async def test_from_an_invitation_to_a_link(
     assert "no rights" not in said
     printed = re.search(r"^fleetsight (pki enrol .*)$", said, re.MULTILINE)
     assert printed is not None
-    told = run(robot, *shlex.split(printed[1]))
+    token = said.splitlines()[3]
+    assert token.startswith("r4:")
+    assert token not in printed[1], "a command line is everybody's to see"
+    told = run(robot, *shlex.split(printed[1]), given=f"{token}\n")
     assert f"tls: {robot}/tls/r4\n" in told
     assert "r4 enrolled from 127.0.0.1, for 7 days" in server.wait_for("r4 enrolled")
-    assert "the token was used at" in run(robot, *shlex.split(printed[1]), "--into", "more", code=2)
+    again_at = (*shlex.split(printed[1]), "--into", "more")
+    assert "the token was used at" in run(robot, *again_at, code=2, given=token)
 
     assert re.search(r"^r4 +good +7.0 days", run(central, "pki", "list"), re.MULTILINE)
     assert run(central, "pki", "renew") == "none ends within 30 days\n"  # it renews itself
@@ -153,9 +159,55 @@ def test_an_invitation_alone_can_be_withdrawn(central: Path) -> None:
 
 def test_nobody_there_is_told(tmp_path: Path) -> None:
     endpoint = free_endpoint().removeprefix("tcp/")
-    said = run(tmp_path, "pki", "enrol", "--at", endpoint, "--token", "r4:x:y", code=2)
+    said = run(tmp_path, "pki", "enrol", "--at", endpoint, code=2, given="r4:x:y\n")
     assert said == (f"fleetsight pki: {endpoint}: Connection refused; is `fleetsight pki serve` running there?\n")
     assert not list((tmp_path / "tls").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("options", "given", "reason"),
+    [
+        ((), "", "enrol needs the token that `fleetsight pki invite r1` at the authority prints"),
+        ((), "\n", "enrol needs the token that `fleetsight pki invite r1` at the authority prints"),
+        ((), "r4secret\n", "this is no token: copy all that `fleetsight pki invite` printed, name:secret:fingerprint"),
+        (("r5",), "r4:secret:y\n", "the token is for r4, not for r5"),
+    ],
+)
+def test_a_token_that_is_read_is_checked_and_not_shown(
+    tmp_path: Path, options: tuple[str, ...], given: str, reason: str
+) -> None:
+    said = run(tmp_path, "pki", "enrol", *options, "--at", "127.0.0.1:1", code=2, given=given)
+    assert said == f"fleetsight pki: {reason}\n"
+    assert "secret" not in said.replace("name:secret:fingerprint", "")
+
+
+def test_a_token_on_the_command_line_is_taken_and_said_to_be_seen_there(tmp_path: Path) -> None:
+    endpoint = free_endpoint().removeprefix("tcp/")
+    said = run(tmp_path, "pki", "enrol", "--at", endpoint, "--token", "r4:x:y", code=2)
+    assert "--token holds a secret, which everybody on this machine can see in the list of processes" in said
+    assert "Connection refused" in said
+
+
+def test_a_token_is_asked_for_on_a_terminal_without_being_shown(tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    try:
+        command = [*PROGRAM, "pki", "enrol", "--at", free_endpoint().removeprefix("tcp/")]
+        process = subprocess.Popen(
+            command, cwd=tmp_path, stdin=theirs, stdout=theirs, stderr=theirs, start_new_session=True
+        )
+        os.close(theirs)
+        shown = b""
+        while b"Token: " not in shown:
+            shown += os.read(ours, 1024)
+        os.write(ours, b"r4:hidden:y\n")
+        with suppress(OSError):  # how a terminal says that nobody has it open
+            while more := os.read(ours, 1024):
+                shown += more
+        assert process.wait(30) == 2
+        assert b"Connection refused" in shown
+        assert b"hidden" not in shown
+    finally:
+        os.close(ours)
 
 
 def test_a_port_that_is_taken_is_told(central: Path, server: Log) -> None:

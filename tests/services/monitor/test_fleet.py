@@ -49,6 +49,7 @@ def test_a_list_that_comes_again_is_counted_apart() -> None:
     for seq in (5, 5, 4, 6):
         fleet.see(seen(seq), 10.0, S)
     assert (fleet.class_lists, fleet.refused_lists) == (2, 2)
+    assert fleet.inventory.refused == {FRONT: 2}
 
 
 def test_a_row_counts_what_is_settled_and_what_one_list_alone_says_is_neither_there_nor_gone() -> None:

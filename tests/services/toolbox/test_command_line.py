@@ -1,4 +1,5 @@
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pydantic import BaseModel
 
 from services.monitor.history.settings import ExportSettings
 from services.monitor.settings import UsersSettings
+from services.option_names import holds_secret
 from services.simulator.settings import SimulatorSettings
 from services.toolbox import process
 from services.toolbox.command_line import main
@@ -49,6 +51,42 @@ def test_every_command_has_help_and_something_to_run(command: object, capsys: py
     name = getattr(command, "name", "")
     assert main([name, "--help"]) == 0
     assert f"usage: fleetsight {name}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.name)
+def test_every_setting_that_may_hold_a_secret_is_known_to(command: object) -> None:
+    """By its name; files, numbers and switches hold none themselves."""
+    fields = command.load_settings().model_fields  # type: ignore[attr-defined]
+    texts = {name: field for name, field in fields.items() if field.annotation in (str, list[str])}
+    assert not [
+        name
+        for name, field in texts.items()
+        if re.search("token|password|secret|credential", name) and not holds_secret(field, "x")
+    ]
+    for name, field in texts.items():
+        if name == "history":
+            for url in ("postgresql://me:hidden@db/x", "postgresql://db/x?user=me&password=hidden"):
+                assert holds_secret(field, url)
+            for url in ("postgresql://me@db:5432/x", "sqlite:////var/lib/a:b@c.db", "none"):
+                assert not holds_secret(field, url)
+
+
+@pytest.mark.parametrize("given", ["option", "environment", "no password"])
+def test_a_secret_on_the_command_line_is_told_and_never_shown(
+    given: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    url = "postgresql://me@127.0.0.1:1/x" if given == "no password" else "postgresql://me:hidden@127.0.0.1:1/x"
+    monkeypatch.delenv("FLEETSIGHT_HISTORY", raising=False)
+    if given == "environment":
+        monkeypatch.setenv("FLEETSIGHT_HISTORY", url)
+    assert main(["users", "list", *([] if given == "environment" else ["--history", url])]) != 0
+    said = capsys.readouterr().err
+    told = (
+        "fleetsight users: --history holds a secret, which everybody on this machine can see in the list of processes:"
+        " give it in FLEETSIGHT_HISTORY, or in the file that --config names\n"
+    )
+    assert said.count(told) == (given == "option")
+    assert "hidden" not in said
 
 
 def test_a_misspelt_setting_in_the_environment_is_told_and_another_commands_is_not(

@@ -16,6 +16,7 @@ from services.monitor.formats import moment
 from services.monitor.history.state import HistoryError
 from services.monitor.monitor import MAX_AGE_S, Monitor
 from services.monitor.web.api.live_items import Found, Name, of_alert, of_entry, of_snapshot, of_worker, of_world
+from services.monitor.web.auth.users import visitor_of
 
 Topic = Literal[
     "robots", "cameras", "inventory", "alerts", "workers", "gateways", "sites", "zones", "warehouses", "objects"
@@ -94,6 +95,7 @@ class Feed:
 
 
 MAX_CLIENTS: Final = 100
+MAX_OF_USER: Final = 25
 TRY_AGAIN_LATER: Final = 1013
 
 Topics = Annotated[
@@ -139,7 +141,7 @@ def live_routes(monitor: Monitor) -> APIRouter:
     """Return the route."""
     router = APIRouter()
     feed = Feed(monitor)
-    clients: set[LiveClient] = set()
+    clients: dict[LiveClient, str] = {}
 
     @router.websocket("/live")
     async def live(
@@ -150,10 +152,14 @@ def live_routes(monitor: Monitor) -> APIRouter:
     ) -> None:
         client = LiveClient(dict.fromkeys(topic), robot)
         await socket.accept()
+        name = visitor_of(socket).name
+        if list(clients.values()).count(name) >= MAX_OF_USER:
+            await socket.close(TRY_AGAIN_LATER, f"you already have {MAX_OF_USER} of these open")
+            return
         if len(clients) >= MAX_CLIENTS:
             await socket.close(TRY_AGAIN_LATER, "too many clients")
             return
-        clients.add(client)
+        clients[client] = name
         try:
             async with asyncio.TaskGroup() as group:
                 sending = group.create_task(_send(socket, client, feed, period_s))
@@ -162,7 +168,7 @@ def live_routes(monitor: Monitor) -> APIRouter:
         except* WebSocketDisconnect:
             pass
         finally:
-            clients.discard(client)
+            del clients[client]
 
     return router
 

@@ -3,10 +3,8 @@
 import asyncio
 import getpass
 import sys
-import termios
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -16,6 +14,7 @@ from services.monitor.settings import UsersSettings
 from services.monitor.web.auth.passwords import MAX_LENGTH, Passwords, mistake_in
 from services.monitor.web.auth.store import UserStore, users_url
 from services.monitor.web.auth.users import MAX_USERS, Kind, Login, Role, User, digest_of, mistake_in_name, new_secret
+from services.option_names import terminal_left_as_it_is
 
 DAY_NS: Final = 86_400 * 1_000_000_000
 
@@ -79,26 +78,11 @@ async def _change(settings: UsersSettings, store: UserStore, there: Mapping[str,
 
 
 async def _hashed() -> str:
-    with _terminal_left_as_it_is():
+    with terminal_left_as_it_is():
         password = await asyncio.to_thread(read_password, getpass.getpass)
     if wrong := mistake_in(password):
         raise UsersError(wrong)
     return await Passwords().hash(password)
-
-
-@contextmanager
-def _terminal_left_as_it_is() -> Iterator[None]:
-    """Restore the terminal's echo, also if a signal ends the process and the asking thread is abandoned."""
-    try:
-        before = termios.tcgetattr(sys.stdin)
-    except (termios.error, OSError):  # standard input is no terminal
-        yield
-        return
-    try:
-        yield
-    finally:
-        with suppress(termios.error):  # the terminal is gone
-            termios.tcsetattr(sys.stdin, termios.TCSAFLUSH, before)  # drops a half-typed password
 
 
 def read_password(ask: Callable[[str], str]) -> str:

@@ -1,5 +1,6 @@
 """Access decisions by a request's method, path and headers. Pure."""
 
+import ipaddress
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -63,8 +64,8 @@ class RequestInfo:
 class ServedAt:
     """Our own address. origin: that of a proxy in front, like https://fleet.example, or empty.
 
-    hosts: allowed host names, without ports; any if empty. open_metrics: they need no token. secure: over our own
-    HTTPS.
+    hosts: allowed host names in lower case, without ports; addresses are allowed, too, and all names if it is empty.
+    open_metrics: they need no token. secure: over our own HTTPS.
     """
 
     origin: str = ""
@@ -75,7 +76,7 @@ class ServedAt:
 
 def judge(asking: RequestInfo, visitor: Visitor | None, *, by: Kind | None, place: ServedAt) -> Verdict:
     """Return the decision on a request. by: the visitor's kind of credential."""
-    if place.hosts and _host_of(asking.headers) not in place.hosts:
+    if not (_is_any_names(asking, visitor, by, place) or _is_our_name(host_of(asking.headers), place.hosts)):
         return Verdict.MISDIRECTED
     harmless = asking.method in SAFE
     known = visitor is not None and visitor.may_look
@@ -101,9 +102,27 @@ def local_path(asked: str) -> str:
     return asked if plain and asked.startswith("/") and not asked.startswith("//") else "/"
 
 
-def _host_of(headers: Mapping[str, str]) -> str:
+def host_of(headers: Mapping[str, str]) -> str:
+    """Return the host that a request names, in lower case and without its port; empty if it names none."""
     host = headers.get("host", "").lower()
-    return host if host.endswith("]") else host.rpartition(":")[0] or host
+    return (host if host.endswith("]") else host.rpartition(":")[0] or host).removesuffix(".")
+
+
+def _is_any_names(asking: RequestInfo, visitor: Visitor | None, by: Kind | None, place: ServedAt) -> bool:
+    """Whether a request is answered under any name: no browser sends the token, or the answer is for everybody."""
+    open_to_all = asking.path == HEALTH or (place.open_metrics and asking.path == METRICS)
+    return not place.hosts or (by is Kind.TOKEN and visitor is not None) or (open_to_all and asking.method in SAFE)
+
+
+def _is_our_name(host: str, names: frozenset[str]) -> bool:
+    """Whether a host is allowed; an address is, since nobody can have their name lead to it."""
+    if host in names:
+        return True
+    try:
+        ipaddress.ip_address(host.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        return False
+    return True
 
 
 def _is_ours(headers: Mapping[str, str], own_origin: str, *, needed: bool) -> bool:

@@ -1,8 +1,10 @@
 """The access middleware: identifies senders, checks permissions and limits request bodies."""
 
 import asyncio
-from collections.abc import Mapping
-from contextlib import suppress
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from typing import Final
 from urllib.parse import quote
 
@@ -12,9 +14,10 @@ from starlette.requests import cookie_parser
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from services.monitor.web.auth.gate import LOG_IN, SET_UP, RequestInfo, ServedAt, Verdict, body_limit, judge
+from services.monitor.web.auth.gate import LOG_IN, SET_UP, RequestInfo, ServedAt, Verdict, body_limit, host_of, judge
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.users import STATE, Kind, Visitor
+from services.monitor.web.connections import KNOWN
 
 PAGE_POLICY: Final = (
     "default-src 'self'; "
@@ -76,9 +79,32 @@ GONE_S: Final = 10.0
 
 POLICY_VIOLATION: Final = 1008
 
+RETRY_S: Final = 2
+"""Seconds after which a user with too many open requests may ask again."""
+
+
+def _nothing() -> None:
+    """Do nothing, for requests without a connection of their own."""
+
+
+def _crowded(most: int) -> str:
+    return f"you have {most} requests open already; close other pages or programs of yours, or ask again later"
+
+
+def _misdirected(host: str) -> str:
+    if not re.fullmatch(r"[a-z0-9_.-]{1,253}", host):
+        return "the request names no host of this monitor"
+    return (
+        f"unknown host name {host}; if it is this monitor's, start it with --web-host-names {host}, or with --web-url"
+        " where a proxy is in front"
+    )
+
 
 class AccessMiddleware:
-    """Passes on permitted requests with their visitor; ends WebSockets of visitors without permission."""
+    """Passes on permitted requests with their visitor; ends WebSockets of visitors without permission.
+
+    most_of_user: requests and WebSockets that a user may have open at once; more are answered with 503.
+    """
 
     def __init__(
         self,
@@ -87,6 +113,7 @@ class AccessMiddleware:
         *,
         cookie: str,
         place: ServedAt,
+        most_of_user: int = 250,
         body_s: float = BODY_S,
         gone_s: float = GONE_S,
     ) -> None:
@@ -96,6 +123,8 @@ class AccessMiddleware:
         self._access = access
         self._cookie = cookie
         self._place = place
+        self._most_of_user = most_of_user
+        self._open = Counter[str]()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle a request."""
@@ -107,11 +136,34 @@ class AccessMiddleware:
         verdict = judge(asking, visitor, by=by, place=self._place)
         scope[STATE] = visitor
         send = with_headers(send, secure=self._place.secure)
-        limit = body_limit(asking.path)
-        if asking.is_socket and verdict is Verdict.PASS and visitor is not None:
-            await self._socket(visitor, scope, receive, send)
-        elif asking.is_socket or verdict is not Verdict.PASS:
+        if verdict is not Verdict.PASS or (asking.is_socket and visitor is None):
             await self._refusal(asking, verdict)(scope, receive, send)
+        elif visitor is None:
+            await self._pass_on(asking, visitor, scope, receive, send)
+        elif self._open[visitor.name] >= self._most_of_user:
+            await problem(503, _crowded(self._most_of_user), {"Retry-After": str(RETRY_S)})(scope, receive, send)
+        else:
+            scope.get(KNOWN, _nothing)()
+            with self._counted(visitor.name):
+                await self._pass_on(asking, visitor, scope, receive, send)
+
+    @contextmanager
+    def _counted(self, name: str) -> Iterator[None]:
+        """Count a user's request while it is open."""
+        self._open[name] += 1
+        try:
+            yield
+        finally:
+            self._open[name] -= 1
+            if not self._open[name]:
+                del self._open[name]
+
+    async def _pass_on(
+        self, asking: RequestInfo, visitor: Visitor | None, scope: Scope, receive: Receive, send: Send
+    ) -> None:
+        limit = body_limit(asking.path)
+        if asking.is_socket and visitor is not None:
+            await self._socket(visitor, scope, receive, send)
         elif _announced(asking.headers) > limit:
             await problem(413, f"a request to {asking.path[:80]} has at most {limit} bytes")(scope, receive, send)
         else:
@@ -129,7 +181,7 @@ class AccessMiddleware:
     def _refusal(self, asking: RequestInfo, verdict: Verdict) -> Response:
         match verdict:
             case Verdict.MISDIRECTED:
-                return problem(421, "unknown host name; set --web-url")
+                return problem(421, _misdirected(host_of(asking.headers)))
             case Verdict.FOREIGN:
                 return problem(403, "this request does not come from a page of this monitor")
             case Verdict.NOT_ALLOWED:

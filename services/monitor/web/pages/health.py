@@ -70,6 +70,21 @@ def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
     yield "Models", _models(monitor)
     left_out = ", ".join(f"{count:,} {what}" for what, count in sorted(monitor.fleet.left_out.items()) if count)
     yield "Left out", left_out or "nothing"
+    yield "Class lists not taken", _refused(monitor)
+    ignored = monitor.fleet.inventory.ignored_opinions
+    yield (
+        "Opinions ignored",
+        f"{ignored:,} that came again, late, or of cameras that are not known" if ignored else "none",
+    )
+
+
+def _refused(monitor: Monitor) -> str:
+    refused = monitor.fleet.inventory.refused
+    if not monitor.fleet.refused_lists:
+        return "none"
+    named = ", ".join(f"{key} {count:,}" for key, count in refused.most_common(MAX_NAMED))
+    rest = f" and {len(refused) - MAX_NAMED:,} more cameras" if len(refused) > MAX_NAMED else ""
+    return f"{monitor.fleet.refused_lists:,} that came again, late or out of order: {named or 'of cameras gone'}{rest}"
 
 
 def _models(monitor: Monitor) -> str:

@@ -35,7 +35,11 @@ async def server(publication: Publication, timeout_s: float) -> AsyncIterator[Tc
     async with (
         TaskScope() as scope,
         TcprosServer(
-            callerid="/ours", host="127.0.0.1", publications={TOPIC: publication}, scope=scope, timeout=timeout_s
+            callerid=lambda: "/ours",
+            host="127.0.0.1",
+            publications={TOPIC: publication},
+            scope=scope,
+            timeout=timeout_s,
         ) as running,
     ):
         yield running

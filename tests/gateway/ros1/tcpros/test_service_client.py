@@ -39,7 +39,7 @@ async def master() -> AsyncIterator[MasterClient]:
 
 
 def caller(master: MasterClient) -> ServiceClient:
-    return ServiceClient(master, callerid="/ours", max_response_bytes=1000)
+    return ServiceClient(master, max_response_bytes=1000)
 
 
 async def call(master: MasterClient, expected: TopicType = ANY, *, timeout_s: float = 20) -> ServiceAnswer:

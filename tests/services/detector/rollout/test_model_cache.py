@@ -151,3 +151,37 @@ async def test_an_exported_model_keeps_the_name_of_its_form(tmp_path: Path) -> N
     os.utime(cache.path(exported), (0, 0))
     cache.remember(ModelRegistry(models=[]))
     assert not cache.holds(exported)
+
+
+async def test_models_are_kept_where_nobody_else_can_write(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    before = os.umask(0)
+    try:
+        cache = ModelCache(usable_cache(tmp_path / "cache", tmp_path / "spare"))
+        await fill(cache)
+        cache.remember(ModelRegistry(models=[SITE]))
+    finally:
+        os.umask(before)
+    made = (tmp_path / "cache", cache.folder, cache.path(SITE), cache.folder / "last.json")
+    assert [each.stat().st_mode & 0o022 for each in made] == [0, 0, 0, 0]
+    cache.path(SITE).chmod(0o664)
+    assert not cache.holds(SITE)
+    assert f"a model is fetched again: others could exchange it: {cache.path(SITE)} can be written by its group" in (
+        caplog.text
+    )
+    await fill(cache)
+    assert cache.holds(SITE)
+    (cache.folder / "last.json").chmod(0o666)
+    assert cache.recall() is None
+
+
+@pytest.mark.parametrize("which", [".", "models"])
+def test_a_cache_that_others_can_write_is_replaced(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, which: str
+) -> None:
+    cache = tmp_path / "cache"
+    assert usable_cache(cache, tmp_path / "spare") == cache
+    (cache / which).chmod(0o777)
+    assert usable_cache(cache, tmp_path / "spare") == tmp_path / "spare"
+    assert (
+        f"--cache {cache} is not used: others could exchange its models: {cache / which} can be written" in caplog.text
+    )

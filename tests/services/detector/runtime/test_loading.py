@@ -1,6 +1,7 @@
 """Weights that are not what they should be are refused in one line; what is exported is made once."""
 
 import errno
+import hashlib
 import os
 import pickle
 import re
@@ -13,6 +14,7 @@ import pytest
 
 from schemas.keys import CameraKey
 from services.detector.model import DetectedObjects, ModelError, Request
+from services.detector.runtime.exporting import DIGEST
 from services.detector.runtime.loading import load, load_all
 from services.detector.runtime.torch_engine import TorchEngine
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
@@ -224,9 +226,9 @@ def test_an_export_is_made_once_and_openvino_and_onnx_share_it(model_folder: Pat
     assert not [name for name in cached if name.startswith(".")]
 
 
-@pytest.mark.parametrize("runtime", ["onnx", "openvino"])
+@pytest.mark.parametrize(("runtime", "before"), [("onnx", False), ("onnx", True), ("openvino", True)])
 def test_a_damaged_export_is_made_again(
-    runtime: str, tmp_path: Path, model_folder: Path, caplog: pytest.LogCaptureFixture
+    runtime: str, *, before: bool, tmp_path: Path, model_folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics").close()
     cache = tmp_path / "cache"
@@ -234,8 +236,10 @@ def test_a_damaged_export_is_made_again(
     (file,) = (file for file in cache.rglob("*.onnx") if file.stat().st_size > 1_000_000)
     whole = file.stat().st_size
     file.write_bytes(b"damaged")
+    if before:  # it was kept as it is
+        (file.parent / DIGEST).write_text(f"{hashlib.sha256(b'damaged').hexdigest()} {file.parent.name}\n")
     load(settings(tmp_path, runtime=runtime), tmp_path / "ultralytics").close()
-    assert f"{file} cannot be loaded, and is exported again: " in caplog.text
+    assert f"{file} {'cannot be loaded' if before else 'is not as it was kept'}, and is exported again" in caplog.text
     assert abs(file.stat().st_size - whole) < 1_000
     assert not [each for each in cache.iterdir() if each.name.startswith(".")]
 

@@ -317,3 +317,19 @@ def test_of_too_many_who_were_there_the_newest_are_known(monkeypatch: pytest.Mon
     inventory.recall({(f"r{n}", camera): n * S for n in range(1, 5) for camera in ("", "front")}, 0)
     assert set(inventory.recalled()) == {"r3", "r4"}
     assert {key.robot for key in inventory.in_order()} == {"r3", "r4"}
+
+
+def test_opinions_that_are_not_taken_are_counted() -> None:
+    inventory = quick()
+    inventory.see(seen(1, {"box": 1}), S)
+    assert [inventory.opine(seen(seq, {"box": 1}), S) for seq in (5, 5, 4, 6)] == [True, False, False, True]
+    assert not inventory.opine(seen(7, {"box": 1}, key=CameraKey("r1", "unknown")), S)
+    assert (inventory.ignored_opinions, inventory.refused.total()) == (3, 0)
+
+
+def test_a_camera_that_makes_room_leaves_no_count_of_late_lists_behind() -> None:
+    inventory = quick()
+    assert [inventory.see(seen(1, {"box": 1}), S) is None for _ in range(2)] == [False, True]
+    assert inventory.refused == {FRONT: 1}
+    inventory._leave([FRONT])
+    assert not inventory.refused

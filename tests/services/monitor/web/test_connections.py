@@ -7,11 +7,12 @@ from contextlib import asynccontextmanager, suppress
 
 import pytest
 from starlette.responses import PlainTextResponse
+from starlette.types import Receive, Scope, Send
 from uvicorn import Config
 from uvicorn.server import ServerState
 
 from services.monitor.settings import WebSettings
-from services.monitor.web.connections import HANDSHAKE_S, TURNED_AWAY, Acceptor
+from services.monitor.web.connections import HANDSHAKE_S, KNOWN, TURNED_AWAY, Acceptor
 from services.monitor.web.process import open_listener
 from services.monitor.web.server import HEAD_S, MAX_HEAD_BYTES, BoundedProtocol
 from services.monitor.web.tls import PageTls
@@ -22,12 +23,22 @@ Stream = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 Connect = Callable[..., "asyncio.Future[Stream]"]
 
 
+LOGGED_IN = b"GET /logged-in HTTP/1.1\r\nHost: here\r\n\r\n"
+
+
+async def answer(scope: Scope, receive: Receive, send: Send) -> None:
+    """Answer as the application does, for which somebody is logged in at one path alone."""
+    if scope["path"] == "/logged-in":
+        scope[KNOWN]()
+    await PlainTextResponse("ok")(scope, receive, send)
+
+
 @asynccontextmanager
 async def listening(
     head_s: float = HEAD_S, most: int = 10, tls: ssl.SSLContext | None = None, handshake_s: float = HANDSHAKE_S
 ) -> AsyncIterator[tuple[Connect, ServerState]]:
     """Serve on a free port; yields how to connect to it, and the server's connections."""
-    config = Config(PlainTextResponse("ok"), limit_concurrency=most, log_config=None, timeout_keep_alive=60)
+    config = Config(answer, limit_concurrency=most, log_config=None, timeout_keep_alive=60)
     config.load()
     state = ServerState()
 
@@ -112,14 +123,48 @@ async def test_a_head_that_goes_on_and_on_is_not_kept(length: int, is_taken: boo
 
 
 async def test_of_too_many_connections_some_are_told_and_the_rest_closed() -> None:
-    async with listening(most=1) as (connect, state):
-        held = [await connect() for _ in range(1 + TURNED_AWAY)]
+    async with listening(most=10) as (connect, state):
+        for _ in range(8):
+            await logged_in(connect)
+        reader, writer = await logged_in(connect)
+        await reader.readuntil(b"ok")
+        for number in range(10, 10 + TURNED_AWAY + 1):
+            await connect()
+            async with asyncio.timeout(30):
+                while len(state.connections) < number:  # noqa: ASYNC110 - nobody tells
+                    await asyncio.sleep(0.01)
+            for connection in state.connections:
+                connection.is_stranger = False  # type: ignore[union-attr]
         over, _ = await connect()
         assert await ended(over) == b""
-        assert len(state.connections) == 1 + TURNED_AWAY
-        reader, writer = held[-1]
+        assert len(state.connections) == 10 + TURNED_AWAY
         writer.write(ASKED)
         assert (await reader.readuntil(b"\r\n")).startswith(b"HTTP/1.1 503")
+
+
+async def logged_in(connect: Connect, address: str = "127.0.0.1") -> Stream:
+    """Return a connection of somebody who is logged in."""
+    reader, writer = await connect(address)
+    writer.write(LOGGED_IN)
+    async with asyncio.timeout(30):
+        assert (await reader.readline()).startswith(b"HTTP/1.1 200")
+    return reader, writer
+
+
+async def test_strangers_from_anywhere_leave_room_for_those_who_are_logged_in() -> None:
+    async with listening(most=20) as (connect, state):
+        first, writer = await logged_in(connect)
+        await first.readuntil(b"ok")
+        idle = [await connect(f"127.0.{1 + number // 200}.{1 + number % 200}") for number in range(150)]
+        for number in range(15):
+            await logged_in(connect, address=f"127.0.9.{1 + number}")
+        assert await ended(idle[0][0]) == b"", "the oldest stranger gave way"
+        newest = asyncio.create_task(idle[-1][0].read())
+        assert len(state.connections) <= 20 + TURNED_AWAY
+        writer.write(LOGGED_IN)
+        assert (await first.readline()).startswith(b"HTTP/1.1 200"), "no stranger takes a place from who is logged in"
+        assert not newest.done()
+        newest.cancel()
 
 
 async def test_one_address_leaves_connections_to_others() -> None:
@@ -218,3 +263,18 @@ async def test_handshakes_of_many_addresses_give_way_to_others(tls: Tls) -> None
         assert await ended(begun[0][0]) == b""
         assert not newest.done()
         newest.cancel()
+
+
+async def test_a_handshake_outlives_older_connections_of_strangers(tls: Tls) -> None:
+    server, browser = tls
+    async with listening(tls=server, most=20) as (connect, _):
+        idle = [await connect(f"127.0.1.{number}", browser) for number in range(1, 20)]
+        reader, writer = await connect("127.0.0.2")
+        data = hello(browser)
+        writer.write(data[:50])
+        for number in range(1, 6):
+            assert await get(connect, f"127.0.2.{number}", browser) == b"HTTP/1.1 200 OK\r\n"
+        assert await ended(idle[0][0]) == b""
+        writer.write(data[50:])
+        async with asyncio.timeout(30):
+            assert await reader.read(100), "its handshake goes on"

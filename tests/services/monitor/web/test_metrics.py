@@ -12,6 +12,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from bus import BusSettings, open_bus
 from bus.fake import FakeNetwork
 from bus.session.link_use import LinkUse
+from schemas.keys import CameraKey
 from schemas.status import BEYOND_USE, THINNED, CameraLoad, StreamStatus, WorkerStatus
 from services.monitor.alerting.webhooks import Outcome
 from services.monitor.liveness import STALLED_S
@@ -95,6 +96,8 @@ async def test_a_history_that_is_not_kept_is_degraded_and_no_more(tmp_path: Path
 async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: Web) -> None:
     fill(web.monitor.fleet)
     web.monitor.fleet.left_out[ODD] += 3
+    web.monitor.fleet.inventory.refused[CameraKey("r1", "front")] += 7
+    web.monitor.fleet.inventory.ignored_opinions += 8
     web.monitor.alerting._delivery.webhooks.counts[ODD, Outcome.DROPPED] += 6
     async with await web.program() as program:
         answer = await program.get("/metrics")
@@ -111,6 +114,8 @@ async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: W
         assert found["fleetsight_robot_frames_dropped_total", f"gateway: {ODD}", "r1"] == 4
         assert found["fleetsight_messages_left_out_total", ODD] == 3
         assert found["fleetsight_webhook_alerts_total", "dropped", ODD] == 6
+        assert found["fleetsight_camera_class_lists_refused_total", "front", "r1"] == 7
+        assert found["fleetsight_opinions_ignored_total",] == 8
         assert found["fleetsight_worker_frames_inferred_total", "detector", "w1"] == 5
         assert found["fleetsight_worker_frames_dropped_total", "late", "detector", "w1"] == 2
         assert found["fleetsight_worker_busy_seconds_total", "detector", "w1"] == 1.5
@@ -157,6 +162,7 @@ async def test_frames_left_out_for_detectors_that_cannot_keep_up_are_demand(
 async def test_the_page_of_the_monitor_names_every_metric(web: Web) -> None:
     fill(web.monitor.fleet)
     web.monitor.fleet.left_out["malformed messages"] += 1
+    web.monitor.fleet.inventory.refused[CameraKey("r1", "front")] += 1
     report_of(web.monitor.fleet, "berlin")
     web.monitor.fleet.sites.take(site_status("hall", box=1), time.time_ns())
     web.monitor.fleet.world = World([DOCK])

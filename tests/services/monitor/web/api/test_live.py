@@ -4,6 +4,7 @@ import asyncio
 import json
 import logging
 import re
+from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 from typing import Any, Never
 
@@ -15,12 +16,13 @@ from websockets.asyncio.client import ClientConnection
 from bus.fake import FakeNetwork
 from services.monitor.history.state import HistoryError
 from services.monitor.history.store import Store
+from services.monitor.web.api import live as live_module
 from services.monitor.web.api.live import TOPICS, UNLESS_CHOSEN, Feed, Item, LiveClient, Topic
 from services.monitor.web.auth.users import Role
 from tests.services.monitor.web.api.seeing import ODD, fill, see
 from tests.services.monitor.web.api.test_alerts import alert, raise_alert
 from tests.services.monitor.web.pages.rows.test_warehouses import report_of
-from tests.services.monitor.web.serving import Served, monitor_on, served
+from tests.services.monitor.web.serving import Served, monitor_on, served, token_of
 from tests.services.monitor.world.test_site_objects import tell_of, thing
 
 
@@ -251,6 +253,31 @@ async def test_who_is_logged_out_hears_no_more() -> None:
                 async with asyncio.timeout(20):
                     await browser.wait_closed()
                 assert browser.close_code == 1008
+
+
+async def test_one_user_leaves_live_data_to_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(live_module, "MAX_OF_USER", 2)
+    async with (
+        FakeNetwork().open_bus() as bus,
+        served(monitor_on(bus), folder=tmp_path) as at,
+        live(at) as first,
+        live(at) as second,
+    ):
+        for socket in (first, second):
+            await next_of(socket)
+        async with live(at) as third:
+            await third.wait_closed()
+            assert (third.close_code, third.close_reason) == (1013, "you already have 2 of these open")
+        other = await token_of(at.access, tmp_path, Role.VIEWER)
+        async with live(at, Authorization=f"Bearer {other}") as others:
+            assert set(await next_of(others)) == {"now", *UNLESS_CHOSEN}
+        await first.close()
+        async with asyncio.timeout(20), AsyncExitStack() as stack:
+            while True:
+                fourth = await stack.enter_async_context(live(at))
+                with suppress(websockets.ConnectionClosed):
+                    assert set(await next_of(fourth)) == {"now", *UNLESS_CHOSEN}
+                    break
 
 
 async def _post(at: Served, path: str, cookie: str) -> str:

@@ -52,14 +52,44 @@ def test_another_origin_does_not_even_read() -> None:
     assert verdict("GET", "/_nicegui_ws/socket.io/", VIEWER, OURS) is Verdict.PASS
 
 
-def test_on_loopback_somebody_elses_name_for_it_is_not_ours() -> None:
-    place = ServedAt(hosts=frozenset({"localhost", "127.0.0.1", "[::1]"}))
-    for host in ("localhost", "LOCALHOST:8080", "127.0.0.1:8080", "[::1]", "[::1]:8080"):
-        asking = RequestInfo("GET", "/login", {"host": host})
-        assert judge(asking, None, by=None, place=place) is Verdict.PASS, host
-    for host in ("evil.test:8080", "", "localhost.evil.test", "[::1].evil.test", "127.0.0.1.evil.test:80", ":80"):
-        asking = RequestInfo("POST", "/login", {"host": host, "origin": f"http://{host}"})
-        assert judge(asking, None, by=None, place=place) is Verdict.MISDIRECTED, host
+HOSTS = ServedAt(hosts=frozenset({"localhost", "central", "fleet.lan"}))
+
+
+@pytest.mark.parametrize(
+    "host", ["localhost", "LOCALHOST:8080", "central:8080", "fleet.lan.", "127.0.0.1:8080", "10.0.0.7", "[::1]:8080"]
+)
+def test_our_names_and_all_addresses_are_ours(host: str) -> None:
+    assert judge(RequestInfo("GET", "/login", {"host": host}), None, by=None, place=HOSTS) is Verdict.PASS
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        *("evil.test:8080", "", ":80", "localhost.evil.test", "central.evil.test", "[::1].evil.test"),
+        *("127.0.0.1.evil.test:80", "10.0.0.7.evil.test", "evil.test@10.0.0.7", "0x7f000001", "127.1"),
+    ],
+)
+def test_a_foreign_name_that_leads_to_us_reaches_nothing(host: str) -> None:
+    for method, path in (("GET", "/"), ("POST", "/login"), ("GET", "/api/v1/robots"), ("", "/api/v1/live")):
+        asking = RequestInfo(method, path, {"host": host, "origin": f"http://{host}"})
+        for visitor in (None, VIEWER):
+            assert judge(asking, visitor, by=Kind.SESSION, place=HOSTS) is Verdict.MISDIRECTED
+
+
+def test_programs_and_probes_may_use_any_name_since_no_page_can_read_more_by_it() -> None:
+    service = {"host": "fleet-monitor.fleet.svc:8080"}
+
+    def verdict_at(method: str, path: str, *, by: Kind, visitor: Visitor | None, place: ServedAt = HOSTS) -> Verdict:
+        return judge(RequestInfo(method, path, service), visitor, by=by, place=place)
+
+    assert verdict_at("GET", "/healthz", by=Kind.SESSION, visitor=None) is Verdict.PASS
+    assert verdict_at("GET", "/api/v1/robots", by=Kind.TOKEN, visitor=VIEWER) is Verdict.PASS
+    assert verdict_at("GET", "/metrics", by=Kind.TOKEN, visitor=VIEWER) is Verdict.PASS
+    assert verdict_at("GET", "/metrics", by=Kind.TOKEN, visitor=None) is Verdict.MISDIRECTED
+    assert verdict_at("GET", "/metrics", by=Kind.SESSION, visitor=VIEWER) is Verdict.MISDIRECTED
+    open_metrics = ServedAt(hosts=HOSTS.hosts, open_metrics=True)
+    assert verdict_at("GET", "/metrics", by=Kind.SESSION, visitor=None, place=open_metrics) is Verdict.PASS
+    assert verdict_at("GET", "/login", by=Kind.SESSION, visitor=None, place=open_metrics) is Verdict.MISDIRECTED
 
 
 def test_metrics_are_open_only_where_the_settings_say_so() -> None:

@@ -4,12 +4,14 @@ from collections.abc import AsyncIterator
 import httpx
 import pytest
 from fastapi.routing import iter_route_contexts
+from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from services.monitor.web.application import cookie_of
 from services.monitor.web.auth.gate import OPEN, ServedAt
 from services.monitor.web.auth.middleware import AccessMiddleware
 from services.monitor.web.auth.users import Role
+from services.monitor.web.connections import KNOWN
 from tests.services.monitor.web.asking import ORIGIN, Web
 
 FILLED = {"alert_id": "a1", "robot": "r1", "path": "v1/what", "site": "hall", "object_id": "o1", "name": "berlin"}
@@ -126,7 +128,68 @@ async def test_too_much_is_refused_before_and_while_it_comes(web: Web) -> None:
 
 def guarding(web: Web, app: ASGIApp) -> AccessMiddleware:
     cookie = cookie_of(web.monitor.settings)
-    return AccessMiddleware(app, web.access, cookie=cookie, place=ServedAt(), body_s=0.05, gone_s=0.05)
+    return AccessMiddleware(app, web.access, cookie=cookie, place=ServedAt(), most_of_user=3, body_s=0.05, gone_s=0.05)
+
+
+async def test_one_user_leaves_requests_and_sockets_to_others(web: Web) -> None:
+    """Whatever addresses they come from: a proxy on this machine has no share of its own."""
+    ends, begun, known = asyncio.Event(), asyncio.Queue[str](), list[str]()
+
+    async def slow(scope: Scope, _: Receive, send: Send) -> None:
+        begun.put_nowait(scope["type"])
+        await ends.wait()
+        if scope["type"] == "http":
+            await PlainTextResponse("ok")(scope, _, send)
+
+    app = guarding(web, slow)
+
+    async def request(kind: str, token: str, status: list[int]) -> None:
+        async def send(message: Message) -> None:
+            status.append(message.get("status", 0))
+
+        headers = [(b"authorization", token.encode())]
+        scope: Scope = {"type": kind, "path": "/api/v1/live", "headers": headers, KNOWN: lambda: known.append(kind)}
+        if kind == "http":
+            scope["method"] = "GET"
+        await app(scope, asyncio.Event().wait, send)  # type: ignore[arg-type]
+
+    async with (
+        await web.program() as operator,
+        await web.program(Role.VIEWER) as viewer,
+        asyncio.timeout(30),
+        asyncio.TaskGroup() as group,
+    ):
+        one, other = (str(each.headers["Authorization"]) for each in (operator, viewer))
+        served: list[int] = []
+        for kind in ("http", "http", "websocket"):
+            group.create_task(request(kind, one, served))
+            assert await begun.get() == kind
+        for kind in ("http", "websocket"):
+            refused: list[int] = []
+            await request(kind, one, refused)
+            assert refused[0] == 503
+        group.create_task(request("http", other, served))
+        assert await begun.get() == "http"
+        ends.set()
+    assert served.count(200) == 3
+    assert known == ["http", "http", "websocket", "http"]
+    again: list[int] = []
+    await request("http", one, again)
+    assert again[0] == 200, "what has ended no longer counts"
+
+
+async def test_a_stranger_s_connection_stays_a_stranger_s(web: Web) -> None:
+    known: list[str] = []
+
+    async def marked(scope: Scope, receive: Receive, send: Send) -> None:
+        await guarding(web, web.app)({**scope, KNOWN: lambda: known.append(scope["path"])}, receive, send)
+
+    async with httpx.AsyncClient(transport=httpx.ASGITransport(marked), base_url=ORIGIN) as stranger:
+        for path in ("/healthz", "/login", "/", "/api/v1/me"):
+            await stranger.get(path)
+        assert known == []
+        await stranger.get("/api/v1/me", headers=dict((await web.program()).headers))
+        assert known == ["/api/v1/me"]
 
 
 async def test_who_never_ends_a_request_gets_no_place_for_it(web: Web) -> None:
