@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +20,7 @@ from packaging.utils import canonicalize_name
 
 ROOT: Final = Path(__file__).parents[1]
 UNRELEASED: Final = "Unreleased"
+RECORDS: Final = "tests/releases"
 UNINSTALLED: Final = ("setuptools",)
 """What images are rid of though packages ask for it."""
 
@@ -110,14 +111,45 @@ def bill_of_materials(target: Path, packages: Mapping[str, str]) -> None:
     _output(sys.executable, "-m", *command, "--output-reproducible", "-o", str(target), "-", given=pins)
 
 
-def built(image: str) -> Mapping[str, Any] | None:
-    """Return the size and the age of an image on this machine; None where none is, or no podman and no Docker."""
+def check_release(version: str, changelog: str, *, changed: Sequence[str], tags: Sequence[str]) -> None:
+    """Check that what is packed is the release that the changelog says; before that, nothing is asked for.
+
+    changed: files that are not as they were committed. tags: those of the commit that is packed.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if not re.search(rf"^## \[?{re.escape(version)}(\]|\s|$)", changelog, re.MULTILINE):
+        return
+    if changed:
+        raise ValueError(f"{version} is to be what was committed, but {changed[0]} is not: commit it, or git stash")
+    if f"v{version}" not in tags:
+        raise ValueError(
+            f"CHANGELOG.md has {version}, and this commit no such tag: git tag v{version}, or check it out"
+        )
+    if not (ROOT / RECORDS / version).is_dir():
+        raise ValueError(f"{RECORDS}/{version} is not there: python -m tests.releases.record, commit, and tag that")
+
+
+def built(image: str, version: str, revision: str) -> Mapping[str, Any] | None:
+    """Return the size and the age of an image of a version and a commit on this machine.
+
+    None where there is no such image, or neither podman nor Docker.
+    """
     for program in filter(shutil.which, ("podman", "docker")):
         told = subprocess.run((program, "image", "inspect", image), capture_output=True, text=True, check=False)  # noqa: S603 - a name of ours
         if told.returncode == 0:
             (found,) = json.loads(told.stdout)
+            labels = found["Config"].get("Labels") or {}
+            told_of = [labels.get(f"org.opencontainers.image.{name}") for name in ("version", "revision")]
+            if told_of != [version, revision]:
+                continue
             return {"bytes": found["Size"], "id": found["Id"].removeprefix("sha256:"), "created": found["Created"]}
     return None
+
+
+def _git(*command: str) -> list[str]:
+    return _output("git", "-C", str(ROOT), *command).splitlines()
 
 
 def _output(*command: str, given: str = "") -> str:
@@ -130,7 +162,11 @@ def _output(*command: str, given: str = "") -> str:
 def main(folder: Path) -> None:
     """Write all of it into a folder."""
     version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-    told = notes((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), version)
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    changed, tags = _git("status", "--porcelain"), _git("tag", "--points-at", "HEAD")
+    check_release(version, changelog, changed=[line[3:] for line in changed], tags=tags)
+    (revision,) = _git("rev-parse", "HEAD")
+    told = notes(changelog, version)
     (folder / "NOTES.md").write_text(told, encoding="utf-8")
     found = images((ROOT / "deploy" / "Containerfile").read_text(encoding="utf-8"))
     listed = []
@@ -140,10 +176,10 @@ def main(folder: Path) -> None:
             packages = needed(extras)
             check_pins((ROOT / "constraints.txt").read_text(encoding="utf-8"), packages)
             bill_of_materials(folder / bill, packages)
-        listed.append(
-            {"target": target, "image": image, "extras": extras, "sbom": extras and bill, "built": built(image)}
-        )
-    (folder / "images.json").write_text(json.dumps({"version": version, "images": listed}, indent=2) + "\n")
+        here = built(image, version, revision)
+        listed.append({"target": target, "image": image, "extras": extras, "sbom": extras and bill, "built": here})
+    told = json.dumps({"version": version, "revision": revision, "images": listed}, indent=2)
+    (folder / "images.json").write_text(f"{told}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError
@@ -208,8 +208,9 @@ def _first_mistake(error: ValidationError, given: SettingOrigins) -> str:
     reason = mistake["msg"].removeprefix("Value error, ")
     if not mistake["loc"]:  # settings that do not go together: the reason names them
         return given.options_in(reason)
-    name, value = str(mistake["loc"][0]), repr(mistake["input"])[:MAX_VALUE]
-    if holds_secret(given.model.model_fields.get(name), mistake["input"]):
+    name, read = str(mistake["loc"][0]), mistake["input"]
+    value = repr(str(read) if isinstance(read, PurePath) else read)[:MAX_VALUE]
+    if holds_secret(given.model.model_fields.get(name), read):
         return f"{given.place_of(name)}: {reason}"
     match mistake["type"]:
         case "missing":

@@ -1,5 +1,6 @@
 """The bundle for robots with an old Python, in a system of Debian 11's packages: glibc 2.31, systemd, no Python."""
 
+import hashlib
 import shutil
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from typing import Final
 import pytest
 
 from fleetsight.own_packages import ALL
-from tests.deploy.machine import ROOT, Machine, booted, checked, require_containers
+from tests.deploy.support.machine import ROOT, Machine, booted, checked, require_containers
 from tests.fleetsight.workspaces import decoys
 
 pytestmark = pytest.mark.timeout(600)  # the bundle and a system are made first
@@ -25,6 +26,8 @@ SOURCED: Final = (
     f"PYTHONPATH={WORKSPACE} PYTHONHOME={WORKSPACE} LD_LIBRARY_PATH={WORKSPACE}/lib LANG=en_US.UTF-8"
     f" OPENSSL_CONF={WORKSPACE}/no.cnf"
 )
+OF_EXTRAS: Final = {"cv2", "opencv_python_headless"}
+NOT_COPIED: Final = (".venv", "runs", "dist", "__pycache__", ".*_cache", ".hypothesis")
 OF_ITS_OWN: Final = ("libz.so.1", "libm.so.6", "libexpat.so.1", "libstdc++.so.6", "libssl.so.3", "libffi.so.8")
 
 SEE: Final = """
@@ -40,19 +43,33 @@ async def main():
     ):
         async for sample in images:
             image = codec.decode(ImageFrame, sample.payload, sample.encoding)
-            return print(image.header.robot, image.width, image.height, flush=True)
+            print(image.header.robot, image.width, image.height, flush=True)
 
 asyncio.run(main())
 """
-"""Embeds a router, as the monitor does, and prints the robot and the size of an image that came."""
+"""Embeds a router, as the monitor does, and prints the robot and the size of each image that comes."""
 
 
 @pytest.fixture(scope="module")
 def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """All that a robot may have: the gateway, and the services beside it."""
     require_containers()
     folder = tmp_path_factory.mktemp("bundle")
-    checked("env", f"PYTHON={sys.executable}", f"TMPDIR={folder}", ROOT / "deploy/bundle.sh", "pki", folder)
+    command = ("env", f"PYTHON={sys.executable}", f"TMPDIR={folder}", ROOT / "deploy/bundle.sh")
+    checked(*command, "pki,distance,cloud", folder)
     (made,) = folder.glob("fleetsight-gateway-*.tar.gz")
+    return made
+
+
+@pytest.fixture(scope="module")
+def smaller(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The gateway alone, as `make bundle` makes it of a copy, for a user with another time zone and closed files."""
+    require_containers()
+    copy = tmp_path_factory.mktemp("copy") / "fleetsight"
+    shutil.copytree(ROOT, copy, symlinks=True, ignore=shutil.ignore_patterns(*NOT_COPIED))
+    make = f"umask 077 && exec make bundle --old-file=.venv/.dist BIN={Path(sys.executable).parent}"
+    checked("env", "--chdir", copy, "--unset=MAKEFLAGS", "TZ=Asia/Tokyo", "LC_ALL=C.UTF-8", "sh", "-c", make)
+    (made,) = (copy / "dist").glob("fleetsight-gateway-*.tar.gz")
     return made
 
 
@@ -72,9 +89,12 @@ def machine(bundle: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
     settings = tree / "etc/fleetsight/gateway.yaml"
     settings.parent.mkdir()
     example = (tree / HOME[1:] / "deploy/gateway.yaml").read_text(encoding="utf-8")
-    settings.write_text(example.replace("tcp/central:7447", "tcp/central:7457"), encoding="utf-8")
+    plain = example.replace("tls/central:7447", "tcp/central:7457").replace("\ntls: ", "\n# tls: ")
+    settings.write_text(plain, encoding="utf-8")
     units = tree / "etc/systemd/system"
-    shutil.copy(tree / HOME[1:] / "deploy/fleetsight-gateway.service", units)
+    for name in ("gateway", "space@"):
+        shutil.copy(tree / HOME[1:] / f"deploy/fleetsight-{name}.service", units)
+    shutil.copy(tree / HOME[1:] / "deploy/space.yaml", settings.parent)
     (units / "fleetsight-gateway.service.d").mkdir()
     (units / "fleetsight-gateway.service.d/sourced.conf").write_text(f"[Service]\nEnvironment={SOURCED}\n")
     checked("systemctl", f"--root={tree}", "--quiet", "mask", "systemd-networkd-wait-online.service")
@@ -115,10 +135,41 @@ def test_it_has_no_installer_and_the_licences_of_all_that_is_debians(bundle: Pat
     assert not [name for name in names if "/dist-packages/pip" in name or "/dist-packages/setuptools" in name]
 
 
+def members(archive: Path) -> Iterator[tuple[str, tuple[object, ...]]]:
+    """Yield the names in an archive, with all that is said of each and its content's SHA-256."""
+    with tarfile.open(archive) as opened:
+        for member in opened:
+            file = opened.extractfile(member) if member.isfile() else None
+            content = "" if file is None else hashlib.sha256(file.read()).hexdigest()
+            of = (member.type, member.mode, member.uid, member.gid, member.uname, member.mtime, member.linkname)
+            yield member.name, (*of, content)
+
+
+@pytest.mark.timeout(900)
+def test_it_is_the_same_whoever_makes_it_where_and_when(bundle: Path, smaller: Path) -> None:
+    """With more extras nothing else changes, so that one more build shows it for both."""
+    more, less = dict(members(bundle)), dict(members(smaller))
+    assert list(more) == sorted(more, key=lambda name: name.split("/"))
+    assert {name for name in less if more.get(name) != less[name]} == set()
+    assert {name.split("/")[4].partition("-")[0].partition(".")[0] for name in more.keys() - less.keys()} == OF_EXTRAS
+    assert bundle.read_bytes()[:8] == smaller.read_bytes()[:8] == b"\x1f\x8b\x08" + bytes(5), "no name and no time"
+
+
+@pytest.mark.timeout(900)
+def test_make_bundle_lists_it_among_the_checksums(smaller: Path) -> None:
+    listed = (smaller.parent / "SHA256SUMS").read_text(encoding="ascii")
+    assert listed == f"{hashlib.sha256(smaller.read_bytes()).hexdigest()}  {smaller.name}\n"
+
+
 def test_the_machine_has_no_python_and_a_c_library_that_is_too_old(machine: Machine) -> None:
-    assert machine.run("sh", "-c", "ls /usr/bin/python* /usr/local/bin/python*", check=False) == ""
+    programs = machine.run("ls", "/bin", "/usr/bin").split()
+    assert "bash" in programs
+    assert [name for name in programs if name.startswith("python")] == []
     assert machine.run("getconf", "GNU_LIBC_VERSION") == "glibc 2.31\n"
-    assert machine.run(f"{HOME}/lib/python", "--version", check=False) == ""
+    without_its_loader = machine.run("sh", "-c", f"{HOME}/lib/python --version 2>&1; echo $?")
+    assert without_its_loader.endswith("\n1\n")
+    assert "version `GLIBC_2.3" in without_its_loader
+    assert machine.run(f"{HOME}/bin/python3", "--version").startswith("Python 3.11.")
 
 
 def test_it_runs_in_a_sourced_workspace_from_any_folder_and_by_a_link(machine: Machine) -> None:
@@ -138,6 +189,28 @@ def test_its_python_starts_itself_and_finds_what_the_robot_says(machine: Machine
     assert sourced(machine, f"{HOME}/bin/python3", "-uc", script) == f"127.0.0.1 {HOME} utf-8\n[0 1 2]\n"
 
 
+def test_it_runs_where_nothing_may_be_written(machine: Machine) -> None:
+    at = "/mnt/read-only"
+    machine.run("mkdir", "-p", at)
+    machine.run("mount", "--bind", HOME, at)
+    machine.run("mount", "-o", "remount,bind,ro", at)
+    assert machine.run("sh", "-c", f"touch {at}/lib/new 2>&1 || true").endswith("Read-only file system\n")
+    before = machine.run("ls", "-lR", "--full-time", at)
+    assert f"{at}/bin:" in before
+    assert "--ros-master" in machine.run(f"{at}/bin/fleetsight", "gateway", "--help")
+    assert machine.run("ls", "-lR", "--full-time", at) == before
+
+
+@pytest.mark.parametrize(("command", "option"), [("distance", "--robots"), ("cloud", "--robots"), ("pki", "--token")])
+def test_its_extras_are_there(machine: Machine, command: str, option: str) -> None:
+    assert option in sourced(machine, PROGRAM, command, "--help")
+
+
+def test_what_its_extras_need_can_be_imported(machine: Machine) -> None:
+    script = "import cv2, cryptography.x509, services.distance.process, services.cloud.process; print(cv2.__file__)"
+    assert sourced(machine, f"{HOME}/bin/python3", "-c", script).startswith(f"{HOME}/lib/python3/dist-packages/cv2/")
+
+
 def test_nothing_of_the_machines_libraries_is_loaded(machine: Machine) -> None:
     script = (
         "import pwd, ssl, numpy, zenoh; ssl.create_default_context(); pwd.getpwnam('fleetsight'); "
@@ -148,14 +221,24 @@ def test_nothing_of_the_machines_libraries_is_loaded(machine: Machine) -> None:
     assert [path for path in loaded if not path.startswith(f"{HOME}/")] == []
 
 
+@pytest.mark.parametrize("service", ["distance", "cloud"])
+def test_a_service_beside_the_gateway_starts_by_its_unit_and_ends_in_order(machine: Machine, service: str) -> None:
+    unit = f"fleetsight-space@{service}"
+    machine.run("systemctl", "start", unit)
+    machine.until(lambda: "connected to tcp/127.0.0.1:7447" in machine.log(unit), "it finds the gateway")
+    machine.run("systemctl", "stop", unit)
+    assert (machine.show(unit, "Result"), machine.show(unit, "ExecMainStatus")) == ("success", "0")
+
+
 def test_its_unit_forwards_a_robots_images_and_ends_in_order(machine: Machine) -> None:
     unit = "fleetsight-gateway"
     machine.until(lambda: machine.show(unit, "ActiveState") == "active", "the gateway runs")
     simulator = outside(machine, "-m", "services.toolbox", "simulate", "--streams", "color", stdout=subprocess.DEVNULL)
     with simulator, outside(machine, "-c", SEE, stdout=subprocess.PIPE) as seeing:
         try:
-            assert seeing.communicate(timeout=120)[0] == "r1 640 480\n"
-            healthy = sourced(machine, PROGRAM, "doctor", "--config", "/etc/fleetsight/gateway.yaml", check=False)
+            assert seeing.stdout is not None
+            assert seeing.stdout.readline() == "r1 640 480\n"
+            healthy = sourced(machine, PROGRAM, "doctor", "--config", "/etc/fleetsight/gateway.yaml")
             assert "camera/color" in healthy
         finally:
             simulator.terminate()

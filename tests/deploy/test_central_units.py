@@ -8,10 +8,7 @@ from services.detector.settings import DetectorSettings
 from services.monitor.settings import MonitorSettings, UsersSettings
 from services.toolbox.settings import load
 from services.worldmodel.settings import WorldSettings
-from tests.deploy.units import command, example, unit, values
-
-CONFINED = "NoNewPrivileges="
-OF_DEVICES = {"PrivateDevices=yes", "ProtectClock=yes"}
+from tests.deploy.support.units import command, example, unit, values
 
 
 @pytest.fixture(autouse=True)
@@ -36,7 +33,8 @@ def test_the_unit_starts_its_service_with_a_file_of_settings(
 def test_robots_and_workers_connect_to_where_the_monitor_listens() -> None:
     (listening,) = example(MonitorSettings, "monitor.yaml").listen
     for connecting in (example(DetectorSettings, "detector.yaml"), example(GatewaySettings, "gateway.yaml")):
-        assert [endpoint.rpartition(":")[2] for endpoint in connecting.connect] == [listening.rpartition(":")[2]]
+        assert connecting.connect == [f"tls/central:{listening.rpartition(':')[2]}"]
+    assert listening.startswith("tls/")
 
 
 def test_the_history_is_where_the_monitor_may_write_and_its_first_user_is_made_there() -> None:
@@ -62,12 +60,3 @@ def test_what_the_detector_exports_is_kept(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setenv(*variable.split("="))
     (folder,) = values("detector", "CacheDirectory")
     assert example(DetectorSettings, "detector.yaml").cache == Path("/var/cache") / folder
-
-
-def test_they_are_confined_as_a_gateway_is_and_the_detector_may_use_gpus() -> None:
-    gateway, monitor, detector = (
-        [line for line in lines[lines.index(f"{CONFINED}yes") :] if line]
-        for lines in map(unit, ("gateway", "monitor", "detector"))
-    )
-    assert monitor == gateway
-    assert detector == [line for line in gateway if line not in OF_DEVICES] != gateway

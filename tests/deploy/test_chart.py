@@ -14,8 +14,8 @@ import pytest
 import yaml
 
 from services.toolbox.settings import load
-from tests.deploy.helm import CHART, NAME, Values, find, helm, refusal, render
-from tests.deploy.units import DEPLOY, command
+from tests.deploy.support.helm import CHART, NAME, Values, find, helm, refusal, render
+from tests.deploy.support.units import DEPLOY, command
 from tests.missing import require_debian
 
 KUBERNETES = ("1.29", "1.35", "1.36", "1.37")
@@ -86,7 +86,7 @@ def test_kubernetes_would_refuse_a_misspelt_field(rendered: dict[str, list[dict[
 def custom_reasons(objects: list[dict[str, Any]]) -> list[str]:
     """Return what is wrong with objects of other kinds than Kubernetes' own, by their published schemas."""
     require_debian("their schemas", [CUSTOM_KINDS / "node_modules"], how="tests/install/custom_kinds.sh installs them")
-    command = ["node", str(Path(__file__).with_name("custom_kinds.js")), str(CUSTOM_KINDS)]
+    command = ["node", str(Path(__file__).parent / "support" / "custom_kinds.js"), str(CUSTOM_KINDS)]
     done = subprocess.run(command, input=json.dumps(objects), capture_output=True, text=True, check=True)
     return list(json.loads(done.stdout))
 
@@ -170,6 +170,10 @@ def test_a_detector_gets_its_gpus_and_weights(rendered: dict[str, list[dict[str,
     (container,) = pod["containers"]
     assert container["resources"]["limits"] == {"memory": "4Gi", "nvidia.com/gpu": 2}
     assert "/fleetsight-detector:" in container["image"]
+    assert pod["nodeSelector"] == {"gpu": "yes"}
+    assert pod["tolerations"] == [{"key": "nvidia.com/gpu", "operator": "Exists"}]
+    (plain,) = find(rendered["defaults"], "Deployment", "detector")["spec"]["template"]["spec"]["containers"]
+    assert (plain["resources"]["limits"].keys(), "/fleetsight-detector-cpu:" in plain["image"]) == ({"memory"}, True)
     assert {"name": "models", "persistentVolumeClaim": {"claimName": "weights", "readOnly": True}} in pod["volumes"]
     assert yaml.safe_load(settings_of(rendered["GPU"])["detector"])["model"] == "/models/my-seg.pt"
 

@@ -7,11 +7,12 @@ import shutil
 import subprocess
 import sys
 import tarfile
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
-from tests.deploy.helm import helm
+from tests.deploy.support.helm import helm
 
 ROOT = Path(__file__).parents[2]
 
@@ -20,14 +21,15 @@ ROOT = Path(__file__).parents[2]
 def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clone = tmp_path_factory.mktemp("release") / "fleetsight"
     shutil.copytree(ROOT, clone, symlinks=True, ignore=shutil.ignore_patterns(*NOT_COPIED))
-    if not (clone / ".git").exists():  # `make dist` dates what it packs by the last commit
-        run("git", "init", "--quiet", folder=clone)
-        run("git", *AUTHOR, "commit", "--quiet", "--allow-empty", "--message", "release", folder=clone)
+    run("git", "init", "--quiet", folder=clone)
+    run("git", "add", "--all", folder=clone)
+    run("git", *AUTHOR, "commit", "--quiet", "--message", "release", folder=clone)
+    run("git", "tag", f"v{version('fleetsight')}", folder=clone)
     run("make", "dist", "--old-file=.venv/.test", f"BIN={Path(sys.executable).parent}", folder=clone)
     return clone / "dist"
 
 
-NOT_COPIED = (".venv", "runs", "dist", "__pycache__", ".*_cache", ".hypothesis")
+NOT_COPIED = (".git", ".venv", "runs", "dist", "__pycache__", ".*_cache", ".hypothesis")
 AUTHOR = ("-c", "user.name=release", "-c", "user.email=release@localhost")
 INHERITED = {"PYTHONPATH", "VIRTUAL_ENV", "MAKEFLAGS"}
 
@@ -66,7 +68,7 @@ def test_the_bill_of_materials_names_the_pinned_packages(dist: Path) -> None:
     bill = json.loads((dist / "sbom.cdx.json").read_text())
     found = {each["name"]: each["version"] for each in bill["components"]}
     pins = (line.partition("==") for line in (dist / "constraints.txt").read_text().splitlines())
-    pinned = {name: version.partition(";")[0].strip() for name, _, version in pins}
+    pinned = {name: pin.partition(";")[0].strip() for name, _, pin in pins}
     assert bill["bomFormat"] == "CycloneDX"
     assert found["eclipse-zenoh"] == pinned["eclipse-zenoh"]
     assert len(found) > 50

@@ -3,9 +3,7 @@ from pathlib import Path
 
 from services.access.settings import PkiSettings
 from services.toolbox.settings import load
-from tests.deploy.units import DEPLOY, command, unit, values
-
-CONFINED = "NoNewPrivileges="
+from tests.deploy.support.units import DEPLOY, command, values
 
 
 def settings(name: str, folder: Path) -> PkiSettings:
@@ -31,12 +29,3 @@ def test_the_authority_serves_from_the_folder_that_it_may_write(tmp_path: Path) 
     assert command("pki").ends(settings("renew", tmp_path))
     (folder,) = values("enrolment", "StateDirectory")
     assert values("enrolment", "WorkingDirectory") == [f"/var/lib/{folder}"]
-
-
-def test_they_are_confined_as_a_gateway_is() -> None:
-    gateway, serving, renewing = (
-        [line for line in lines[lines.index(f"{CONFINED}yes") :] if line and line != "[Install]"]
-        for lines in map(unit, ("gateway", "enrolment", "renew"))
-    )
-    assert serving == gateway
-    assert renewing == [line for line in gateway if not line.startswith("WantedBy")]

@@ -9,26 +9,28 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+from packaging.utils import canonicalize_name
 
-from services.toolbox.settings import load
-from tests.deploy.helm import NAME, render
-from tests.deploy.kube import playable
-from tests.deploy.machine import require_containers, root_archive, wheels
-from tests.deploy.podman import PYTHON, Podman
-from tests.deploy.units import DEPLOY, command
+from deploy.release import images, needed
+from tests.deploy.support import secured
+from tests.deploy.support.certificates import ROBOT, give, give_file, make_certificates
+from tests.deploy.support.helm import NAME, render
+from tests.deploy.support.kube import ask, playable, pod
+from tests.deploy.support.machine import require_containers, root_archive, wheels
+from tests.deploy.support.old_podman import REFUSING, OldPodman
+from tests.deploy.support.podman import BASE, SIMULATED, Podman
+from tests.deploy.support.units import DEPLOY
 
-pytestmark = pytest.mark.timeout(1200)  # seven images are built first
+pytestmark = pytest.mark.timeout(1800)  # seven images are built first
 
 EXTRAS = {
-    "gateway": "pki",
-    "space": "distance,cloud,worldmodel",
-    "detector-cpu": "detector-onnx",
-    "simulator": "simulator",
-    "monitor": "monitor,pki",
+    target: extras
+    for target, extras in images((DEPLOY / "Containerfile").read_text(encoding="utf-8")).items()
+    if extras and target != "detector"
 }
-"""All but the detector's for GPUs: its torch alone has more bytes than all of these, and comes from the network."""
+"""By target, of all but the detector's for GPUs: its torch alone has more bytes than all of these."""
 
+REVISION = "0123456789abcdef0123456789abcdef01234567"
 LARGEST_MB = {"gateway": 350, "detector-cpu": 600}
 PEERS = ("postgresql", "prometheus")
 """Debian's own, that compose.yaml has beside ours."""
@@ -42,26 +44,49 @@ def podman(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Podman]:
     require_containers()
     found = Podman()
     try:
-        found.run("import", "--quiet", root_archive(tmp_path_factory), PYTHON)
-        for target in (*EXTRAS, *PEERS):
-            found.build(target, wheels(tmp_path_factory))
+        found.run("import", "--quiet", root_archive(tmp_path_factory), BASE)
+        found.build(wheels(tmp_path_factory), REVISION)
         yield found
     finally:
         found.close()
 
 
+LOOK = """
+import json, os, subprocess
+from importlib.metadata import distributions
+
+names = ("pip", "pip3*", "pip-*", "ensurepip", "setuptools", "gcc-[0-9]*", "g++*", "cc1", "make", "git", "curl", "wget")
+named = [part for name in names for part in ("-o", "-name", name)][1:]
+print(json.dumps({
+    "user": os.getuid(),
+    "version": subprocess.check_output(["fleetsight", "--version"], text=True),
+    "tools": subprocess.check_output(["find", "/usr/bin", "/usr/lib", "/usr/share", "/opt", *named], text=True),
+    "packages": {each.name: each.version for each in distributions() if each.name != "fleetsight"},
+}))
+"""
+
+
 @pytest.mark.parametrize("target", EXTRAS)
-def test_an_image_runs_without_rights_and_without_tools_to_build_with(podman: Podman, target: str) -> None:
-    image = f"localhost/fleetsight-{target}"
-    assert podman.once(image, "--version") == f"fleetsight {version('fleetsight')}\n"
-    assert podman.once(image, "-u", entry="id") == "10001\n"
-    present = "import shutil; print([name for name in ('gcc', 'pip', 'git', 'curl') if shutil.which(name)])"
-    assert podman.once(image, "-c", present, entry="/opt/fleetsight/bin/python3") == "[]\n"
-    (described,) = json.loads(podman.run("inspect", image))
+def test_an_image_runs_without_rights_without_tools_to_build_with_and_with_what_its_bill_says(
+    podman: Podman, target: str
+) -> None:
+    python = "/opt/fleetsight/bin/python3"
+    found = json.loads(podman.once(f"localhost/fleetsight-{target}", "-c", LOOK, entry=python))
+    assert (found["user"], found["tools"]) == (10001, "")
+    assert found["version"] == f"fleetsight {version('fleetsight')}\n"
+    packages = {canonicalize_name(name): release for name, release in found["packages"].items()}
+    assert packages == needed(EXTRAS[target] or ())
+
+
+@pytest.mark.parametrize("target", [*EXTRAS, *PEERS])
+def test_an_image_says_what_it_is_and_is_no_root_s(podman: Podman, target: str) -> None:
+    (described,) = json.loads(podman.run("inspect", f"localhost/fleetsight-{target}"))
     assert described["Config"]["User"] == "10001:10001"
-    labels = described["Config"]["Labels"]
-    assert labels["org.opencontainers.image.licenses"] == "AGPL-3.0-or-later"
-    assert labels["org.opencontainers.image.version"] == version("fleetsight")
+    labels = {name.rpartition(".")[2]: value for name, value in described["Config"]["Labels"].items()}
+    assert (labels["version"], labels["revision"]) == (version("fleetsight"), REVISION)
+    assert labels["title"] == ("fleetsight" if target in EXTRAS else f"fleetsight-{target}")
+    assert labels["description"]
+    assert labels.get("licenses") == ("AGPL-3.0-or-later" if target in EXTRAS else None)
 
 
 @pytest.mark.parametrize("target", ["gateway", "monitor"])
@@ -76,31 +101,45 @@ def test_an_image_for_robots_and_one_for_processors_are_small(podman: Podman, ta
     assert described["Size"] / 1e6 <= LARGEST_MB[target]
 
 
+def test_a_robot_s_image_runs_under_a_podman_of_ubuntu_20_04_s_age(podman: Podman, tmp_path: Path) -> None:
+    """Its C library starts threads by clone3, which is newer; a Docker that refuses that cannot run the image."""
+    image, archive = "localhost/fleetsight-gateway", tmp_path / "gateway.tar"
+    podman.run("save", "--quiet", "--format=docker-archive", f"--output={archive}", image)
+    old = OldPodman(tmp_path / "tree")
+    old.load(archive)
+    doctor = ("doctor", "--robot=r1", "--ros-master=http://127.0.0.1:1", "--connect=tcp/127.0.0.1:1")
+    assert old.run(image, "--version").stdout == f"fleetsight {version('fleetsight')}\n"
+    assert "tcp/127.0.0.1:1: no router listens there" in old.run(image, *doctor).stdout
+    refusing = f"--security-opt=seccomp=/srv/{REFUSING}"
+    assert "can't start new thread" in old.run(refusing, image, "--version").stderr
+    unconfined = old.run("--security-opt=seccomp=unconfined", image, *doctor)
+    assert "tcp/127.0.0.1:1: no router listens there" in unconfined.stdout, unconfined.stderr
+
+
 @pytest.fixture(scope="module")
 def fleet(podman: Podman) -> Iterator[Podman]:
-    podman.compose("up", "--detach", "--no-build", *STARTED)
+    podman.compose(*SIMULATED, "up", "--detach", "--no-build")
     yield podman
-    podman.compose("down", "--volumes")
-
-
-def eventually(podman: Podman, container: str, said: str, *options: str) -> None:
-    end = time.monotonic() + DEADLINE_S
-    while said not in podman.logs(container, *options):
-        names = podman.run("ps", "--all", "--format={{.Names}}").split()
-        assert time.monotonic() < end, {each: podman.logs(each) for each in names}
-        time.sleep(0.5)
+    podman.compose(*SIMULATED, "down", "--volumes")
 
 
 def test_a_simulated_robot_s_data_reaches_the_centre(fleet: Podman) -> None:
-    eventually(fleet, "deploy_monitor_1", "r1/camera: online")
-    eventually(fleet, "deploy_distance_1", "serving 1 cameras")
-    eventually(fleet, "deploy_worldmodel_1", "serving it")
+    fleet.until_said("deploy_monitor_1", "r1/camera: online")
+    fleet.until_said("deploy_distance_1", "serving 1 cameras")
+    fleet.until_said("deploy_worldmodel_1", "serving it")
     told = fleet.run("exec", "deploy_gateway_1", "fleetsight", "doctor", "--connect", "tcp/monitor:7447")
     assert "r1: its gateway" in told
 
 
-def test_what_the_detector_sees_reaches_a_program_as_the_demo_checks(fleet: Podman) -> None:
-    """The program runs where the gateway alone is installed; the check is the demo's: class lists of each robot."""
+def test_the_demo_s_check_passes(fleet: Podman) -> None:
+    """Every robot was seen, by class lists of the detector."""
+    check = Path(__file__).parent.joinpath("support", "demo_check.py").read_text(encoding="utf-8")
+    told = fleet.run("exec", "deploy_monitor_1", "python3", "-c", check, "tcp/monitor:7447", "r1")
+    assert re.search(r"^class lists received: [1-9]\d* \(r1 [1-9]", told, re.MULTILINE)
+    assert told.endswith("result:               every robot was seen\n")
+
+
+def test_a_program_where_the_gateway_alone_is_installed_gets_what_the_detector_sees(fleet: Podman) -> None:
     script = (
         "import asyncio, fleetsight\n"
         "async def main():\n"
@@ -114,15 +153,33 @@ def test_what_the_detector_sees_reaches_a_program_as_the_demo_checks(fleet: Podm
     assert seen == "r1 warehouse-n-seg.onnx\n"
 
 
-@pytest.mark.parametrize("name", [each for each in STARTED if each != "prometheus"])
+@pytest.mark.parametrize("name", STARTED)
 def test_each_process_is_healthy(fleet: Podman, name: str) -> None:
-    fleet.run("healthcheck", "run", f"deploy_{name}_1")
+    end = time.monotonic() + DEADLINE_S
+    while not healthy(fleet, name):
+        assert time.monotonic() < end, fleet.logs(f"deploy_{name}_1")
+        time.sleep(0.5)
 
 
-def test_a_process_whose_event_loop_stands_still_is_unhealthy(fleet: Podman) -> None:
-    fleet.run("exec", "deploy_distance_1", "python3", "-c", "import os; os.utime('/tmp/heartbeat', (0, 0))")
-    with pytest.raises(AssertionError):
-        fleet.run("healthcheck", "run", "deploy_distance_1")
+def healthy(fleet: Podman, name: str) -> bool:
+    try:
+        fleet.run("healthcheck", "run", f"deploy_{name}_1")
+    except AssertionError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("name", ["distance", "monitor", "prometheus"])
+def test_a_process_that_hangs_is_unhealthy_until_it_goes_on(fleet: Podman, name: str) -> None:
+    """Of a process whose event loop turns the heartbeat is touched again within 5 s, of one that hangs it is not."""
+    old = "import os; os.utime(os.environ['FLEETSIGHT_HEARTBEAT_FILE'], (0, 0))"
+    fleet.run("kill", "--signal=STOP", f"deploy_{name}_1")
+    if name == "distance":
+        fleet.run("exec", f"deploy_{name}_1", "python3", "-c", old)
+        time.sleep(6)
+    assert not healthy(fleet, name)
+    fleet.run("kill", "--signal=CONT", f"deploy_{name}_1")
+    test_each_process_is_healthy(fleet, name)
 
 
 def test_the_history_is_in_postgresql(fleet: Podman) -> None:
@@ -131,6 +188,18 @@ def test_the_history_is_in_postgresql(fleet: Podman) -> None:
     while "r1||" not in (rows := fleet.run("exec", "deploy_postgresql_1", *count)):
         assert time.monotonic() < end, rows
         time.sleep(0.5)
+
+
+def test_the_history_is_backed_up_while_the_monitor_writes_and_restored_elsewhere(fleet: Podman) -> None:
+    """Into another database of the same server, whose name takes the place of the first one's in the monitor's URL."""
+    sql = 'PGPASSWORD=$PASSWORD psql -h 127.0.0.1 -U fleetsight -d postgres -c "create database restored"'
+    fleet.run("exec", "deploy_postgresql_1", "sh", "-c", sql)
+    steps = (
+        "fleetsight history backup --to /tmp/copy && "
+        'FLEETSIGHT_HISTORY="${FLEETSIGHT_HISTORY%postgres}restored" fleetsight history restore --from /tmp/copy'
+    )
+    told = fleet.run("exec", "deploy_monitor_1", "sh", "-c", steps)
+    assert re.search(r"^/tmp/copy: [\d.]+ MB\n.*restored: \d+ intervals$", told, re.MULTILINE)
 
 
 def test_prometheus_has_the_metrics_and_our_rules(fleet: Podman) -> None:
@@ -148,7 +217,7 @@ def test_prometheus_has_the_metrics_and_our_rules(fleet: Podman) -> None:
 def test_a_process_that_is_killed_keeps_what_it_had(fleet: Podman) -> None:
     fleet.run("kill", "--signal=KILL", "deploy_monitor_1")
     fleet.run("start", "deploy_monitor_1")
-    eventually(fleet, "deploy_monitor_1", "r1/camera: online", "--since=1m")
+    fleet.until_said("deploy_monitor_1", "r1/camera: online", "--since=1m")
 
 
 def test_all_end_in_order(fleet: Podman) -> None:
@@ -156,6 +225,80 @@ def test_all_end_in_order(fleet: Podman) -> None:
         fleet.run("stop", "--time=10", f"deploy_{name}_1")
         (described,) = json.loads(fleet.run("inspect", f"deploy_{name}_1"))
         assert (name, described["State"]["ExitCode"]) == (name, 0)
+
+
+@pytest.fixture
+def central(podman: Podman, tmp_path: Path) -> Iterator[Podman]:
+    """What is central for real robots, with certificates of `fleetsight pki`."""
+    names = ("monitor", "detector", "space", "worldmodel")
+    authority = make_certificates(tmp_path, {name: name for name in names})
+    for name in (*names, ROBOT):
+        give(authority, name, tmp_path / name)
+    give_file(tmp_path / "access.json", tmp_path / "monitor")
+    files = ["--project-name=central", "--file", str(DEPLOY / "compose.robots.yaml")]
+    folder = {"FLEETSIGHT_TLS_FOLDER": str(tmp_path)}
+    try:
+        podman.compose(*files, "up", "--detach", "--no-build", **folder)
+        yield podman
+    finally:
+        podman.compose(*files, "down", "--volumes", **folder)
+
+
+def test_real_robots_are_served_over_links_with_certificates_and_others_are_not(
+    central: Podman, tmp_path: Path
+) -> None:
+    """The robot is on the host's network, as another machine is: its link goes through the port that is published."""
+    confined = ["--detach", "--pull=never", "--read-only", "--cap-drop=all", "--network=host"]
+    simulator = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11399"]
+    gateway = ["localhost/fleetsight-gateway", "gateway", "--robot=r1", "--ros-master=http://127.0.0.1:11399"]
+    tls = [f"--volume={tmp_path}/{ROBOT}:/tls:ro"]
+    try:
+        central.run("run", *confined, "--name=robot", *simulator)
+        central.run("run", *confined, *tls, "--name=r1", *gateway, "--connect=tls/127.0.0.1:7447", "--tls=/tls/r1")
+        central.run("run", *confined, "--name=r2", *gateway, "--connect=tcp/127.0.0.1:7447")
+        for name in ("detector", "distance", "cloud"):
+            central.until_said(f"central_{name}_1", "serving 1 cameras")
+        central.until_said("central_worldmodel_1", "serving it")
+        central.until_said("central_monitor_1", "r1/camera: online")
+        central.until_said("r2", "waiting for a link to tcp/127.0.0.1:7447")
+    finally:
+        central.run("rm", "--force", "--time=5", "robot", "r1", "r2")
+
+
+def test_the_chart_s_pods_with_certificates_keep_their_history_in_postgresql(podman: Podman, tmp_path: Path) -> None:
+    """Ends before `cluster` begins, whose pods have the same names."""
+    manifests = playable([*render(secured.VALUES), *secured.make_secrets(tmp_path)], tmp_path)
+    joined = ["run", "--detach", "--pull=never", "--read-only", "--cap-drop=all"]
+    with podman.playing(manifests, "cluster"):
+        password = f"--env=PASSWORD={secured.PASSWORD}"
+        database = [password, "--tmpfs=/tmp", "--network=cluster", "localhost/fleetsight-postgresql"]
+        podman.run(*joined, "--name=database", *database)
+        robot = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11311"]
+        podman.run(*joined, "--name=robot", "--network=cluster", *robot)
+        gateway = ["gateway", f"--robot={ROBOT}", f"--connect=tls/{NAME}-monitor:7447", "--tls=/tls/r1"]
+        beside = ["--network=container:robot", f"--volume={tmp_path}/robot:/tls:ro", "localhost/fleetsight-gateway"]
+        podman.run(*joined, "--name=gateway", *beside, *gateway)
+        podman.until_said(pod("monitor"), "r1/camera: online")
+        podman.until_said(pod("distance"), "serving 1 cameras")
+        podman.until_said(pod("worldmodel"), "serving it")
+        present = 'PGPASSWORD=$PASSWORD psql -h 127.0.0.1 -U fleetsight -d postgres -Atc "table presence"'
+        end = time.monotonic() + DEADLINE_S
+        while "r1||" not in (rows := podman.run("exec", "database", "sh", "-c", present)):
+            assert time.monotonic() < end, rows
+            time.sleep(0.5)
+        add = (
+            "echo a-long-password | fleetsight users add alice --role viewer >/dev/null && fleetsight users token alice"
+        )
+        token = podman.run("exec", pod("monitor"), "sh", "-c", add).split()[-1]
+        assert ask(podman, pod("distance"), "/healthz")[0] == '{"status":"ok"}', (
+            "links are open to all, or something is wrong"
+        )
+        assert ask(podman, pod("distance"), "/metrics")[1] == "401"
+        end = time.monotonic() + DEADLINE_S
+        while (answer := ask(podman, pod("distance"), "/metrics", f"Authorization: Bearer {token}"))[1] != "200":
+            assert time.monotonic() < end, answer  # a running monitor knows new users within seconds
+            time.sleep(0.5)
+        assert 'fleetsight_robot_online{robot="r1"} 1.0' in answer[0]
 
 
 @pytest.fixture(scope="module")
@@ -175,11 +318,11 @@ def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
     cluster: tuple[Podman, list[Mapping[str, Any]]],
 ) -> None:
     podman, pods = cluster
-    eventually(podman, pod("monitor"), "r1/camera: online")
-    eventually(podman, pod("distance"), "serving 1 cameras")
-    eventually(podman, pod("cloud"), "serving 1 cameras")
-    eventually(podman, pod("worldmodel"), "serving it")
-    eventually(podman, pod("detector"), "serving 1 cameras")
+    podman.until_said(pod("monitor"), "r1/camera: online")
+    podman.until_said(pod("distance"), "serving 1 cameras")
+    podman.until_said(pod("cloud"), "serving 1 cameras")
+    podman.until_said(pod("worldmodel"), "serving it")
+    podman.until_said(pod("detector"), "serving 1 cameras")
     read = "import urllib.request as web; print(web.urlopen('http://{}-monitor:8080{}', timeout=9).read().decode())"
     probes = {each["containers"][0]["name"]: each["containers"][0]["livenessProbe"] for each in pods}
     assert probes.keys() == {"monitor", "detector", "distance", "cloud", "worldmodel"}
@@ -196,32 +339,3 @@ def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
     metrics = podman.run("exec", pod("cloud"), "python3", "-c", read.format(NAME, "/metrics"))
     assert 'fleetsight_robot_online{robot="r1"} 1.0' in metrics
     assert set(re.findall(r'busy_seconds_total{service="(\w+)"', metrics)) == {"detector", "distance", "cloud"}
-
-
-def pod(process: str) -> str:
-    """Return the name of the only container in a pod."""
-    return f"{NAME}-{process}-{process}"
-
-
-def test_each_service_of_compose_has_settings_that_its_command_takes(monkeypatch: pytest.MonkeyPatch) -> None:
-    services = yaml.safe_load((DEPLOY / "compose.yaml").read_text(encoding="utf-8"))["services"]
-    monkeypatch.delenv("FLEETSIGHT_HISTORY", raising=False)
-    assert set(STARTED) == set(services)
-    for each, service in services.items():
-        if each not in PEERS:
-            name, *options = service["command"]
-            load(command(name).load_settings(), options, prog=f"fleetsight {name}")
-        assert service["read_only"]
-        assert service["cap_drop"] == ["ALL"]
-
-
-def test_every_target_is_told_and_every_folder_that_is_copied_is_there() -> None:
-    text = (DEPLOY / "Containerfile").read_text(encoding="utf-8")
-    targets = [line.split()[-1] for line in text.splitlines() if line.startswith("FROM base AS")]
-    assert sorted(targets) == sorted([*EXTRAS, "detector"])
-    for line in text.splitlines():
-        if line.startswith("COPY ") and "--from" not in line:
-            assert all((DEPLOY.parent / name).exists() for name in line.split()[1:-1])
-            assert {f"!{name}" for name in line.split()[1:-1]} <= set(
-                (DEPLOY.parent / Path(".containerignore")).read_text(encoding="utf-8").splitlines()
-            )

@@ -8,7 +8,7 @@ from typing import Final
 import pytest
 from packaging.requirements import Requirement
 
-from tests.deploy.units import DEPLOY, command
+from tests.deploy.support.units import DEPLOY, command
 
 ROOT: Final = DEPLOY.parent
 UPGRADING: Final = ROOT / "docs" / "upgrading.md"

@@ -1,6 +1,6 @@
 import pytest
 
-from tests.deploy import machine
+from tests.deploy.support import machine
 
 
 @pytest.mark.parametrize(("ci", "outcome"), [("", pytest.skip.Exception), ("true", pytest.fail.Exception)])

@@ -3,14 +3,15 @@
 import subprocess
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
 
 from deploy import release
-from deploy.release import built, check_pins, images, needed, notes
-from tests.deploy.machine import checked, require_containers
-from tests.deploy.podman import Podman
+from deploy.release import RECORDS, built, check_pins, check_release, images, needed, notes
+from tests.deploy.support.machine import checked, require_containers
+from tests.deploy.support.podman import Podman
 
 CHANGELOG = """# Changelog
 
@@ -58,6 +59,22 @@ def test_notes_are_the_part_of_the_version(version: str, told: str) -> None:
 def test_a_version_that_the_changelog_does_not_know_is_refused() -> None:
     with pytest.raises(ValueError, match=r"no part that begins with '## 0\.2\.0'"):
         notes("# Changelog\n\n## 0.2.0rc1\n\n- it\n", "0.2.0")
+
+
+def test_a_release_is_packed_from_its_tag_alone_and_with_its_record(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(release, "ROOT", tmp_path)
+    (tmp_path / RECORDS / "0.2.0").mkdir(parents=True)
+    for each in ("0.2.0", "0.3.0"):  # of these two the first is in the changelog
+        check_release(each, CHANGELOG, changed=[], tags=["v0.1.0", "v0.2.0"])
+    check_release("0.3.0", CHANGELOG, changed=["README.md"], tags=[])
+    with pytest.raises(ValueError, match=r"README\.md is not: commit it, or git stash"):
+        check_release("0.2.0", CHANGELOG, changed=["README.md"], tags=["v0.2.0"])
+    with pytest.raises(ValueError, match=r"no such tag: git tag v0\.2\.0, or check it out"):
+        check_release("0.2.0", CHANGELOG, changed=[], tags=["v0.1.0"])
+    with pytest.raises(ValueError, match=r"releases/0\.1\.0 is not there: python -m tests\.releases\.record"):
+        check_release("0.1.0", CHANGELOG, changed=[], tags=["v0.1.0"])
 
 
 def test_images_are_the_stages_that_run_something() -> None:
@@ -115,13 +132,16 @@ def podman(monkeypatch: pytest.MonkeyPatch) -> Iterator[Podman]:
 
 
 @pytest.mark.timeout(120)
-def test_an_image_that_was_built_here_is_measured(podman: Podman, tmp_path: object) -> None:
-    assert built("localhost/fleetsight-gateway") is None
-    archive = f"{tmp_path}/root.tar"
+def test_an_image_that_was_built_here_of_this_commit_is_measured(podman: Podman, tmp_path: Path) -> None:
+    archive, name = tmp_path / "root.tar", "localhost/fleetsight-gateway"
+    assert built(name, "0.2.0", "abc") is None
     checked("tar", "-cf", archive, "-C", "/usr/share", "base-files")
-    podman.run("import", "--quiet", archive, "localhost/fleetsight-gateway")
-    found = built("localhost/fleetsight-gateway")
+    labels = (f"--change=LABEL org.opencontainers.image.{each}" for each in ("version=0.2.0", "revision=abc"))
+    podman.run("import", "--quiet", *labels, archive, name)
+    found = built(name, "0.2.0", "abc")
     assert found is not None
-    inspect = ("podman", "image", "inspect", "--format", "{{.Size}} {{.Id}}", "localhost/fleetsight-gateway")
+    inspect = ("podman", "image", "inspect", "--format", "{{.Size}} {{.Id}}", name)
     size, identity = subprocess.run(inspect, capture_output=True, text=True, check=True).stdout.split()
     assert (found["bytes"], found["id"]) == (int(size), identity)
+    assert built(name, "0.2.0", "abd") is None
+    assert built(name, "0.1.0", "abc") is None

@@ -19,8 +19,8 @@ from services.detector.frame_counts import REPLACED, STALE, TOO_MANY
 from services.monitor.liveness import STALLED_S
 from services.monitor.monitor import Monitor
 from services.monitor.web.metrics import metrics_of
-from tests.deploy.helm import CHART, NAME, find, render
-from tests.deploy.prometheus import SCRAPE_S, Scaler, Series, check_rules
+from tests.deploy.support.helm import CHART, NAME, find, render
+from tests.deploy.support.prometheus import SCRAPE_S, Scaler, Series, check_rules
 from tests.services.monitor.web.serving import monitor_on
 
 CAMERAS = [f"c{number}" for number in range(24)]

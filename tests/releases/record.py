@@ -1,7 +1,8 @@
 """Records what this release writes, for later ones to be tried with: `python -m tests.releases.record`.
 
-Makes tests/releases/VERSION with a message of every type, the schema by which this release reads messages, and a
-history of either database as SQL, and a world model's state. Once a version is released, its record stays as it is.
+Makes tests/releases/VERSION with a message of every type, the schema by which this release reads messages, a history
+of either database as SQL, a world model's state, and the release's own code. Once a version is released, its record
+stays as it is.
 """
 
 import asyncio
@@ -16,6 +17,7 @@ from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import msgspec
 
@@ -85,6 +87,25 @@ def postgresql_text() -> str:
     return "\n".join(lines) + "\n"
 
 
+def make_wheel(folder: Path) -> None:
+    """Make the package's wheel in a folder, without its weights: 12 MB that no other release's processes need."""
+    with TemporaryDirectory() as made:
+        build = (sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", made)
+        subprocess.run(build, check=True, cwd=FOLDER.parents[1], capture_output=True)
+        (whole,) = Path(made).glob("*.whl")
+        with ZipFile(whole) as source, ZipFile(folder / whole.name, "w", ZIP_DEFLATED, compresslevel=9) as target:
+            for each in source.infolist():
+                if each.filename.endswith("/RECORD"):
+                    lines = source.read(each).decode().splitlines(keepends=True)
+                    target.writestr(each, "".join(line for line in lines if not _is_weights(line.partition(",")[0])))
+                elif not _is_weights(each.filename):
+                    target.writestr(each, source.read(each))
+
+
+def _is_weights(name: str) -> bool:
+    return name.startswith("services/detector/weights/") and name.endswith((".pt", ".onnx"))
+
+
 def messages() -> list[dict[str, str]]:
     """Return messages of every type, encoded, with what says so on Zenoh."""
     return [
@@ -132,6 +153,7 @@ def main() -> None:
     (made / "history.sqlite.sql").write_text(sqlite_text(), encoding="utf-8")
     (made / "history.postgresql.sql").write_text(postgresql_text(), encoding="utf-8")
     (made / "world.state").write_bytes(world_state())
+    make_wheel(made)
     made.rename(folder)
 
 

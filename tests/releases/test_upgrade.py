@@ -1,13 +1,14 @@
 """An upgrade from each recorded release, and the way back: messages both ways, and the monitor's database.
 
 `python -m tests.releases.record` records a release. Whether a reader of it takes what today's code writes is judged by
-its JSON Schema, since its code is not here.
+its JSON Schema here, and by its own code in test_side_by_side.py.
 """
 
 import asyncio
 import base64
 import csv
 import json
+import re
 import tomllib
 from contextlib import suppress
 from copy import deepcopy
@@ -80,8 +81,11 @@ def lost(before: Any, after: Any, at: str = "") -> list[str]:
     return [] if before == after else [f"{at}: {before!r}, now {after!r}"]
 
 
-def test_a_release_is_recorded() -> None:
-    assert [each.name for each in RELEASES][:1] == ["0.1.0"]
+def test_the_last_two_releases_are_recorded_with_their_code() -> None:
+    told = re.findall(r"^## \[?(\d[\w.]*)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert told
+    assert {each.name for each in RELEASES} >= set(told[:2])
+    assert all([*release.glob(f"fleetsight-{release.name}-*.whl")] for release in RELEASES)
 
 
 def test_the_record_of_a_version_that_is_not_released_yet_is_of_todays_messages() -> None:
@@ -156,21 +160,30 @@ def history(release: Path, kind: str, tmp_path: Path, request: pytest.FixtureReq
     return load_postgresql(text, request.getfixturevalue("postgresql"), f"release_{next(numbers)}")
 
 
-def columns(connection: Connection) -> dict[str, list[tuple[str, str, bool]]]:
-    """Return the columns of each table: names, types, and whether they may be empty."""
+def described(connection: Connection) -> dict[str, Any]:
+    """Return each table's columns (names, types, whether they may be empty), keys, constraints and indexes."""
     there = inspect(connection)
     return {
-        table: [(each["name"], str(each["type"]), each["nullable"]) for each in there.get_columns(table)]
+        table: {
+            "columns": [(each["name"], str(each["type"]), each["nullable"]) for each in there.get_columns(table)],
+            "key": there.get_pk_constraint(table)["constrained_columns"],
+            "foreign": sorted(
+                (each["constrained_columns"], each["referred_table"]) for each in there.get_foreign_keys(table)
+            ),
+            "unique": sorted(each["column_names"] for each in there.get_unique_constraints(table)),
+            "checks": sorted(each["sqltext"] for each in there.get_check_constraints(table)),
+            "indexes": sorted((each["column_names"], each["unique"]) for each in there.get_indexes(table)),
+        }
         for table in there.get_table_names()
         if not table.startswith("sqlite_")
     }
 
 
-async def tables(url: str) -> dict[str, list[tuple[str, str, bool]]]:
+async def tables(url: str) -> dict[str, Any]:
     engine = engine_of(url)
     connection = await connect(engine, create=True)
     try:
-        return await connection.run_sync(columns)
+        return await connection.run_sync(described)
     finally:
         await connection.close()
         await engine.dispose()
@@ -228,7 +241,7 @@ class TestHistory:
     async def test_going_back_it_has_the_tables_that_it_writes_to(self, history: str, empty: str) -> None:
         engine = engine_of(history)
         async with engine.connect() as connection:
-            theirs = await connection.run_sync(columns)
+            theirs = await connection.run_sync(described)
         await engine.dispose()
         assert STATEMENTS.keys() < theirs.keys()
         for today in (await tables(history), await tables(empty)):  # an upgraded one, and one that was made today

@@ -21,9 +21,9 @@ from services.monitor.monitor import Monitor
 from services.monitor.process import running
 from services.toolbox.demo.children import Child, ChildFailedError, child, free_ports
 from services.toolbox.demo.page import Page
-from services.toolbox.demo.processors import ProcessorClock, ProcessorUse
+from services.toolbox.demo.processors import ProcessorClock
 from services.toolbox.demo.settings import SEED, DemoSettings
-from services.toolbox.demo.summary import Summary, drops
+from services.toolbox.demo.summary import Summary
 from services.toolbox.process import EXIT_FAILED
 
 log = logging.getLogger(__name__)
@@ -61,7 +61,9 @@ async def _run(settings: DemoSettings, folder: Path) -> int:
             log.error("%s", error)  # noqa: TRY400 - the process's own words say more than our stack
         ended_well = False
     finally:
-        summary = _add_up(settings, fleet, children, began_s, processors.use())
+        output = children["simulator"].output if "simulator" in children else []
+        sent = json.loads(output[-1])["sent"] if output else {}
+        summary = Summary.of(fleet, _robots(settings), sent, began_s, processors.use())
         console.print(
             "\n".join([*summary.lines(), *notes_of(fleet.left_out)]), markup=False, highlight=False, soft_wrap=True
         )
@@ -144,24 +146,3 @@ def _leaves(group: BaseExceptionGroup[ChildFailedError]) -> Iterator[ChildFailed
             yield from _leaves(error)
         else:
             yield error
-
-
-def _add_up(
-    settings: DemoSettings,
-    fleet: Fleet,
-    children: Mapping[str, Child],
-    began_s: float,
-    processors: ProcessorUse | None,
-) -> Summary:
-    output = children["simulator"].output if "simulator" in children else []
-    detectors = [worker for (service, _), worker in fleet.workers.items() if service == "detector"]
-    return Summary(
-        robots=_robots(settings),
-        sent=json.loads(output[-1])["sent"] if output else {},
-        inferred=sum(camera.inferred for worker in detectors for camera in worker.cameras),
-        dropped=drops(fleet.gateways.values(), detectors),
-        lists=fleet.lists_per_robot(),
-        ages_s=tuple(fleet.ages_s),
-        first_list_s=None if fleet.first_list_s is None else fleet.first_list_s - began_s,
-        processors=processors,
-    )

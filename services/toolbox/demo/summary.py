@@ -3,9 +3,11 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 from schemas.keys import Stream
 from schemas.status import MISSING, NUMBERED, GatewayStatus, WorkerStatus
+from services.monitor.fleet import Fleet
 from services.toolbox.demo.processors import ProcessorUse
 
 
@@ -27,6 +29,28 @@ class Summary:
     ages_s: Sequence[float]
     first_list_s: float | None
     processors: ProcessorUse | None = None
+
+    @classmethod
+    def of(
+        cls,
+        fleet: Fleet,
+        robots: Sequence[str],
+        sent: Mapping[str, int],
+        began_s: float,
+        processors: ProcessorUse | None = None,
+    ) -> Self:
+        """Return the outcome of a run that began at a monotonic time, as a monitor saw it."""
+        detectors = [worker for (service, _), worker in fleet.workers.items() if service == "detector"]
+        return cls(
+            robots=robots,
+            sent=sent,
+            inferred=sum(camera.inferred for worker in detectors for camera in worker.cameras),
+            dropped=drops(fleet.gateways.values(), detectors),
+            lists=fleet.lists_per_robot(),
+            ages_s=tuple(fleet.ages_s),
+            first_list_s=None if fleet.first_list_s is None else fleet.first_list_s - began_s,
+            processors=processors,
+        )
 
     @property
     def complete(self) -> bool:

@@ -48,7 +48,12 @@ labels:
 {{- if $certificate }}
 {{- $_ := required "tls.access: name the ConfigMap with access.json; a monitor with certificates needs it" .root.Values.tls.access }}
 {{- $_ := set $settings "access" "/etc/fleetsight/access/access.json" }}
-{{- else }}{{ $_ := set $settings "insecure" true }}{{ end }}
+{{- else }}
+{{- if and (or .root.Values.networkPolicy.robots (not .root.Values.networkPolicy.enabled)) (not .root.Values.tls.insecure) }}
+{{- fail "tls.monitor: without certificates whoever may connect to port 7447 reads everything and sends as any robot, and networkPolicy lets in more than this release's own pods; name certificates, or set tls.insecure if that is wanted" }}
+{{- end }}
+{{- $_ := set $settings "insecure" true }}
+{{- end }}
 {{- $_ := set $settings "web_host" "0.0.0.0" }}
 {{- $_ := set $settings "web_open_metrics" $given.openMetrics }}
 {{- else }}

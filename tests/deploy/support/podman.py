@@ -1,6 +1,7 @@
 """Podman with a store of its own, and images made by the Containerfile without network."""
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -12,10 +13,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-from tests.deploy.machine import ROOT, checked
-from tests.deploy.units import DEPLOY
+import pytest
 
-PYTHON: Final = "localhost/python:debian"
+from tests.deploy.support.machine import checked
+from tests.deploy.support.units import DEPLOY
+
+BASE: Final = "localhost/debian"
 CONFIGURATION: Final = """
 [containers]
 default_ulimits = ["nofile=10000:10000", "nproc=10000:10000"]
@@ -34,11 +37,13 @@ tmp_dir = "{folder}/libpod"
 Runs where there is no systemd, with hybrid cgroups, and where limits cannot be raised. Only netavark has names.
 """
 
-DEADLINE_S: Final = 300
+DEADLINE_S: Final = 900
+PATIENCE_S: Final = 60
 TRIES = 5
 
 
 COMPOSE: Final = (sys.executable, "-m", "podman_compose")
+SIMULATED: Final = ("--profile", "simulated")
 
 
 class Podman:
@@ -56,14 +61,14 @@ class Podman:
             "CONTAINERS_STORAGE_CONF": str(folder / "storage.conf"),
         }
 
-    def run(self, *command: str | Path, program: Sequence[str] = ("podman",)) -> str:
+    def run(self, *command: str | Path, program: Sequence[str] = ("podman",), **environment: str) -> str:
         """Return the output of `podman command`; fail with it where podman fails."""
         ended = subprocess.run(
             [*program, *command],
             capture_output=True,
             text=True,
             check=False,
-            env=self._environment,
+            env={**self._environment, **environment},
             timeout=DEADLINE_S,
         )
         assert ended.returncode == 0, f"{command}: {ended.stdout[-2000:]}{ended.stderr[-4000:]}"
@@ -76,9 +81,20 @@ class Podman:
             command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False, env=self._environment
         ).stdout
 
-    def compose(self, *command: str) -> str:
+    def until_said(self, container: str, said: str, *options: str) -> None:
+        """Wait until a container wrote something; fail with what all wrote."""
+        end = time.monotonic() + PATIENCE_S
+        while said not in self.logs(container, *options):
+            if time.monotonic() > end:
+                names = self.run("ps", "--all", "--format={{.Names}}").split()
+                told = "\n".join(f"{each}: {self.logs(each)[-2000:]}" for each in names)
+                pytest.fail(f"{container} did not say {said!r}\n{told}")
+            time.sleep(0.5)
+
+    def compose(self, *command: str, **environment: str) -> str:
         """Return the output of podman-compose with the project's file."""
-        return self.run("--in-pod", "false", "--file", DEPLOY / "compose.yaml", *command, program=COMPOSE)
+        file = DEPLOY / "compose.yaml"
+        return self.run("--in-pod=false", "--file", file, *command, program=COMPOSE, **environment)
 
     @contextmanager
     def playing(self, manifests: str, network: str) -> Iterator[None]:
@@ -112,27 +128,17 @@ class Podman:
                 time.sleep(1)
         self.run("volume", "prune", "--force")
 
-    def build(self, target: str, wheels: Path) -> str:
-        """Make an image of the Containerfile; return its name."""
-        name = f"localhost/fleetsight-{target}"
-        labels = ["--build-arg", f"VERSION={version('fleetsight')}"]
-        offline = ["--build-arg", "PIP_OPTIONS=--no-index --find-links=/wheels", "--volume", f"{wheels}:/wheels:ro"]
-        here = ["--isolation", "chroot", "--network", "host", "--format", "docker", "--build-arg", f"PYTHON={PYTHON}"]
-        self.run(
-            "build",
-            "--quiet",
-            *here,
-            *labels,
-            *offline,
-            "--file",
-            DEPLOY / "Containerfile",
-            "--target",
-            target,
-            "--tag",
-            name,
-            ROOT,
-        )
-        return name
+    def build(self, wheels: Path, revision: str, *services: str) -> None:
+        """Make the images of all services of compose.yaml, or of some, as podman-compose makes them."""
+        arguments = {
+            "BASE": BASE,
+            "PIP_OPTIONS": "--no-index --find-links=/wheels",
+            "VERSION": version("fleetsight"),
+            "REVISION": revision,
+        }
+        here = ["--quiet", "--isolation=chroot", "--network=host", "--format=docker", f"--volume={wheels}:/wheels:ro"]
+        options = shlex.join([*here, *(f"--build-arg={name}={value}" for name, value in arguments.items())])
+        self.compose(f"--podman-build-args={options}", "--parallel=1", *SIMULATED, "build", *services)
 
     def once(self, image: str, *command: str, entry: str = "fleetsight") -> str:
         """Return the output of a command in a container that can write nothing and has no rights."""

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import yaml
 
-from tests.deploy.units import DEPLOY
+from tests.deploy.support.units import DEPLOY
 from tests.missing import require_debian
 
 CHART: Final = DEPLOY / "helm" / "fleetsight"

@@ -13,7 +13,7 @@ from typing import Final
 
 import pytest
 
-from tests.deploy.units import DEPLOY
+from tests.deploy.support.units import DEPLOY
 from tests.missing import missing, require_debian
 
 ROOT: Final = DEPLOY.parent
@@ -55,9 +55,9 @@ def wheels(factory: pytest.TempPathFactory) -> Path:
 
 
 def root_archive(factory: pytest.TempPathFactory) -> Path:
-    """Return an archive of Debian's smallest root file system with Python."""
+    """Return an archive of Debian's smallest root file system with Python, without its venv."""
     slim = [f"--dpkgopt=path-exclude=/usr/share/{name}/*" for name in ("doc", "info", "locale", "man")]
-    command = ["mmdebstrap", "--quiet", "--variant=minbase", "--include=python3,python3-venv,ca-certificates", *slim]
+    command = ["mmdebstrap", "--quiet", "--variant=minbase", "--include=python3,ca-certificates", *slim]
     return _once(factory, "root.tar", lambda made: checked(*command, DEBIAN, made))
 
 
