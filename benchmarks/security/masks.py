@@ -3,7 +3,6 @@
 import asyncio
 import itertools
 import time
-from contextlib import suppress
 from typing import Any, Final
 
 import cv2
@@ -30,9 +29,6 @@ PERIOD_S: Final = 0.2
 """Between two frames of each robot."""
 
 START_S: Final = 60.0
-LOST_S: Final = 20.0
-"""A frame that is not answered after this counts as lost."""
-
 BAD: Final = CameraKey("invented", "front")
 GOOD: Final = CameraKey("r1", "front")
 
@@ -63,52 +59,95 @@ def small_frame() -> tuple[Detections, ImageFrame]:
 
 
 def named(message: Any, camera: CameraKey, seq: int) -> Any:
-    """Return a message as that of a camera's frame of now."""
+    """Return a message as that of a camera's frame; all messages of one frame have the same time."""
     about = msgspec.structs.replace(
-        message.header, robot=camera.robot, camera=camera.camera, seq=seq, stamp_ns=time.time_ns()
+        message.header, robot=camera.robot, camera=camera.camera, seq=seq, stamp_ns=scenes.stamp_of(seq)
     )
     return msgspec.structs.replace(message, header=about)
 
 
+class GoodRobot:
+    """A robot that sends a small frame every PERIOD_S.
+
+    longest_s: that a frame waited until it, or a newer one, was measured: of frames that wait, the newest counts.
+    """
+
+    def __init__(self, streams: Robot) -> None:
+        self.longest_s = 0.0
+        self.measured = 0
+        self._streams = streams
+        self._waiting: dict[int, float] = {}
+
+    async def send(self) -> None:
+        """Send until cancelled."""
+        self._streams.send(Stream.INFO, info(height=scenes.HEIGHT, width=scenes.WIDTH, focal=scenes.FOCAL))
+        for seq in itertools.count():
+            self._waiting[seq] = time.monotonic()
+            for stream, message in zip((Stream.DETECTIONS, Stream.DEPTH), small_frame(), strict=True):
+                self._streams.send(stream, named(message, GOOD, seq))
+            self.look()
+            await asyncio.sleep(PERIOD_S)
+
+    async def hear(self, answers: Subscription) -> None:
+        """Take what was measured until cancelled."""
+        async for sample in answers:
+            distances = codec.decode(Distances, sample.payload, sample.encoding)
+            if distances.objects[0].measured:
+                self.look()
+                self.measured += 1
+                self._waiting = {seq: at for seq, at in self._waiting.items() if seq > distances.header.seq}
+
+    def look(self) -> None:
+        """Note for how long the oldest frame waits."""
+        if self._waiting:
+            self.longest_s = max(self.longest_s, time.monotonic() - min(self._waiting.values()))
+
+    async def until_measured(self, frames: int) -> None:
+        """Wait until so many more frames were measured; then begin to look for the longest wait."""
+        least = self.measured + frames
+        async with asyncio.timeout(START_S):
+            while self.measured < least:  # noqa: ASYNC110 - nobody tells
+                await asyncio.sleep(PERIOD_S)
+
+
 class MaskFlood:
-    """A distance worker, and what it did. sent: frames with huge masks."""
+    """A distance worker under a flood. sent: frames with huge masks, and their bytes."""
 
     def __init__(self, bus: Bus, process: Process) -> None:
         self._bus, self._process = bus, process
-        self._answers: dict[int, asyncio.Event] = {}
-        self._seq = itertools.count(1)
         self.sent = self.sent_bytes = 0
 
     async def run(self, seconds: float) -> dict[str, Any]:
         """Flood for so long; return the figures."""
         async with (
-            robot(self._bus, GOOD) as good,
+            robot(self._bus, GOOD) as streams,
             self._bus.subscribe(GOOD.stream(Stream.DISTANCES), QUEUE(100)) as answers,
             self._bus.subscribe(BAD.stream(Stream.DISTANCES), QUEUE(100)),
             asyncio.TaskGroup() as group,
         ):
-            hearing = group.create_task(self._hear(answers))
-            good.send(Stream.INFO, info(height=scenes.HEIGHT, width=scenes.WIDTH, focal=scenes.FOCAL))
-            async with asyncio.timeout(START_S):
-                while await self._time(good, within_s=1.0) >= 1.0:
-                    pass
-            alone_s = max([await self._time(good) for _ in range(5)])
+            good = GoodRobot(streams)
+            tasks = [group.create_task(each) for each in (good.hear(answers), good.send())]
+            await good.until_measured(1)
+            good.longest_s = 0.0
+            await good.until_measured(10)
+            alone_s, good.longest_s = good.longest_s, 0.0
             before = highest = self._process.rss_bytes()
             async with robot(self._bus, BAD) as bad:
                 flooding = group.create_task(self._flood(bad, seconds))
-                longest_s = 0.0
                 while not flooding.done():
-                    longest_s = max(longest_s, await self._time(good))
                     highest = max(highest, self._process.rss_bytes())
-                for _ in range(5):
-                    longest_s = max(longest_s, await self._time(good))
-                    highest = max(highest, self._process.rss_bytes())
-            hearing.cancel()
+                    if not self._process.runs():
+                        raise PeerError(self._process.last_words())
+                    await asyncio.sleep(PERIOD_S)
+                await good.until_measured(5)
+                highest = max(highest, self._process.rss_bytes())
+            for task in tasks:
+                task.cancel()
         return {
             "masks_sent": self.sent * MASKS,
             "masks_sent_mb": round(self.sent_bytes / 2**20, 1),
             "masks_rss_growth_mb": round((highest - before) / 2**20, 1),
-            "masks_answers_s": round(longest_s, 2),
+            "masks_answers_s": round(good.longest_s, 2),
             "masks_answers_alone_s": round(alone_s, 2),
         }
 
@@ -117,43 +156,12 @@ class MaskFlood:
         bad.send(Stream.INFO, info(height=SIDE, width=SIDE, focal=float(SIDE)))
         until_s = time.monotonic() + seconds
         while time.monotonic() < until_s:
-            seq = next(self._seq)
             for stream, message in ((Stream.DEPTH, depth), (Stream.DETECTIONS, seen)):
-                payload = codec.encode(self._same(message, BAD, seq))
+                payload = codec.encode(named(message, BAD, self.sent))
                 bad.send(stream, payload)
                 self.sent_bytes += len(payload)
             self.sent += 1
             await asyncio.sleep(PERIOD_S)
-
-    def _same(self, message: Any, camera: CameraKey, seq: int) -> Any:
-        """Return a message of a frame; all messages of one have the same time."""
-        made = named(message, camera, seq)
-        about = msgspec.structs.replace(made.header, stamp_ns=scenes.stamp_of(seq))
-        return msgspec.structs.replace(made, header=about)
-
-    async def _time(self, good: Robot, within_s: float = LOST_S) -> float:
-        """Send a frame; return how long it takes until its object is measured."""
-        if not self._process.runs():
-            raise PeerError(self._process.last_words())
-        seen, depth = small_frame()
-        seq = next(self._seq)
-        answered = self._answers[seq] = asyncio.Event()
-        began_s = time.monotonic()
-        for stream, message in ((Stream.DEPTH, depth), (Stream.DETECTIONS, seen)):
-            good.send(stream, self._same(message, GOOD, seq))
-        with suppress(TimeoutError):
-            async with asyncio.timeout(within_s):
-                await answered.wait()
-        del self._answers[seq]
-        took_s = time.monotonic() - began_s
-        await asyncio.sleep(max(0.0, PERIOD_S - took_s))
-        return took_s
-
-    async def _hear(self, answers: Subscription) -> None:
-        async for sample in answers:
-            distances = codec.decode(Distances, sample.payload, sample.encoding)
-            if (answered := self._answers.get(distances.header.seq)) is not None and distances.objects[0].measured:
-                answered.set()
 
 
 async def flood_of_masks(seconds: float) -> dict[str, Any]:

@@ -13,8 +13,8 @@ from typing import Final
 import msgspec
 
 from schemas.models import ModelRegistry, PublishedModel
-from services.file_ownership import FOLDER_MODE, NotOursError, check_ours, keep_others_out
 from services.model_registry.registry import digest_of
+from services.whole_file import FOLDER_MODE, NotOursError, check_ours, keep_others_out
 
 log = logging.getLogger(__name__)
 

@@ -23,7 +23,7 @@ from services.detector.runtime.model_file import (
     class_names,
 )
 from services.detector.runtime.postprocess import HEADS, Head
-from services.file_ownership import is_everybodys
+from services.whole_file import is_everybodys
 
 log = logging.getLogger(__name__)
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 from services.detector.model import ModelError, first_line
 from services.detector.runtime.engine import BATCH_ON_GPU
 from services.detector.runtime.postprocess import Head
-from services.file_ownership import FOLDER_MODE, NotOursError, check_ours, keep_others_out
+from services.whole_file import FOLDER_MODE, NotOursError, check_ours, keep_others_out
 
 if TYPE_CHECKING:
     from services.detector.runtime.weights import Weights

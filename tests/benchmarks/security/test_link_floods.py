@@ -25,8 +25,8 @@ async def test_a_flood_of_links_is_felt_and_survived(kind: str) -> None:
 async def test_masks_flood_a_distance_worker_and_another_robot_is_measured_meanwhile() -> None:
     found = await masks.flood_of_masks(2.0)
     assert found["masks_sent"] >= masks.MASKS
-    assert found["masks_answers_alone_s"] < found["masks_answers_s"] < masks.LOST_S
-    assert found["masks_rss_growth_mb"] < 400
+    assert 0 < found["masks_answers_alone_s"] < found["masks_answers_s"] < masks.START_S
+    assert found["masks_rss_growth_mb"] < 1_000  # unbounded, they took 3.9 GB
 
 
 def test_a_frame_of_huge_masks_is_small_on_the_wire() -> None:

@@ -199,6 +199,7 @@ def test_whose_presence_it_sees(  # noqa: PLR0917
         for each in watching:
             each.undeclare()
         token.undeclare()
+        fleet.wait_until_nobody_is_present()
 
 
 @pytest.mark.parametrize("name", BOUND)
