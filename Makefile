@@ -8,7 +8,6 @@ REPEAT ?= 1
 JOBS ?= 4
 # Python keeps what it compiled, whatever the shell says: the tests start hundreds of processes.
 export PYTHONDONTWRITEBYTECODE =
-TAR = tar --sort=name --owner=0 --group=0 --numeric-owner --mtime=@$$(git log -1 --format=%ct)
 SUMS = cd dist && rm -f SHA256SUMS && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
 
 .PHONY: demo test intended lint types compiled tests again ros postgresql chromium nginx containers prometheus helm custom-kinds screenshots bench fuzz dist bundle clean help
@@ -83,12 +82,12 @@ fuzz: .venv/.test  ## feed a million spoilt inputs to every parser (INPUTS=10000
 
 dist: .venv/.test  ## make what a release has: wheel, sdist, pins, units, images' files and list, chart, SBOMs, notes, checksums, in dist/
 	@rm -rf dist && mkdir dist
+	@$(BIN)/python deploy/release.py dist
 	@$(BIN)/python -m hatchling build -d dist 2>&1 | sed 's/^/[dist] /'
 	@cp constraints.txt CHANGELOG.md dist/
-	@$(TAR) -czf dist/deploy.tar.gz deploy
-	@$(TAR) -C deploy/helm -czf dist/fleetsight-$$(sed -n 's/^version: //p' deploy/helm/fleetsight/Chart.yaml).tgz fleetsight
+	@git archive HEAD deploy | gzip -n >dist/deploy.tar.gz
+	@git archive HEAD:deploy/helm fleetsight | gzip -n >dist/fleetsight-$$(sed -n 's/^version: //p' deploy/helm/fleetsight/Chart.yaml).tgz
 	@$(BIN)/cyclonedx-py requirements --pyproject pyproject.toml --short-PURLs --output-reproducible -o dist/sbom.cdx.json constraints.txt
-	@$(BIN)/python deploy/release.py dist
 	@$(SUMS)
 
 bundle: .venv/.dist  ## make a folder that runs the gateway beside any Python, as an archive in dist/ (EXTRAS=pki,distance,cloud)

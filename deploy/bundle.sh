@@ -116,7 +116,7 @@ sort -u "$work/taken" | while read -r name; do
 done >"$home/licences/packages.txt"
 cp -L "$packages"/base-files/usr/share/common-licenses/{GPL-2,GPL-3,LGPL-2.1,LGPL-3} "$home/licences/" # others name them
 cp "$source/LICENSE" "$home/licences/fleetsight"
-cp "$source"/deploy/{gateway.yaml,space.yaml,fleetsight-gateway.service,fleetsight-space@.service} "$home/deploy/"
+cp "$source"/deploy/{gateway.yaml,space.yaml,enrolment.yaml,fleetsight-gateway.service,fleetsight-space@.service,fleetsight-renew.service,fleetsight-renew.timer} "$home/deploy/"
 
 version=${wheel#"$work"/fleetsight-}
 archive=$target/fleetsight-gateway-${version%%-*}-$(uname -m).tar.gz

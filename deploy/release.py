@@ -111,6 +111,11 @@ def bill_of_materials(target: Path, packages: Mapping[str, str]) -> None:
     _output(sys.executable, "-m", *command, "--output-reproducible", "-o", str(target), "-", given=pins)
 
 
+def is_released(version: str, changelog: str) -> bool:
+    """Return whether a changelog has a part about a version."""
+    return re.search(rf"^## \[?{re.escape(version)}(\]|\s|$)", changelog, re.MULTILINE) is not None
+
+
 def check_release(version: str, changelog: str, *, changed: Sequence[str], tags: Sequence[str]) -> None:
     """Check that what is packed is the release that the changelog says; before that, nothing is asked for.
 
@@ -119,7 +124,11 @@ def check_release(version: str, changelog: str, *, changed: Sequence[str], tags:
     Raises:
         ValueError: it is not.
     """
-    if not re.search(rf"^## \[?{re.escape(version)}(\]|\s|$)", changelog, re.MULTILINE):
+    if not is_released(version, changelog):
+        if f"v{version}" in tags:
+            raise ValueError(
+                f"this commit is tagged v{version}, which CHANGELOG.md has not: it still has '{UNRELEASED}'"
+            )
         return
     if changed:
         raise ValueError(f"{version} is to be what was committed, but {changed[0]} is not: commit it, or git stash")

@@ -158,3 +158,12 @@ def test_prometheus_gets_the_token_of_a_secret() -> None:
         render({"serviceMonitor": {"enabled": True}, "monitor": {"openMetrics": True}}), "ServiceMonitor", "monitor"
     )["spec"]["endpoints"]
     assert "authorization" not in other
+
+
+@pytest.mark.parametrize(("kind", "policy"), [("ClusterIP", None), ("NodePort", "Local"), ("LoadBalancer", "Local")])
+def test_a_service_for_robots_keeps_their_addresses_by_which_the_policy_lets_them_in(
+    kind: str, policy: str | None
+) -> None:
+    services = (each["spec"] for each in render({"monitor": {"robots": {"type": kind}}}) if each["kind"] == "Service")
+    (found,) = (each for each in services if each.get("type") == kind and each["ports"][0]["port"] == 7447)
+    assert found.get("externalTrafficPolicy") == policy

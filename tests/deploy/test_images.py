@@ -4,6 +4,7 @@ import json
 import re
 import time
 from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from packaging.utils import canonicalize_name
 
 from deploy.release import images, needed
 from tests.deploy.support import secured
-from tests.deploy.support.certificates import ROBOT, give, give_file, make_certificates
+from tests.deploy.support.certificates import ROBOT, STRANGER, make_central
 from tests.deploy.support.helm import NAME, render
 from tests.deploy.support.kube import ask, playable, pod
 from tests.deploy.support.machine import require_containers, root_archive, wheels
@@ -199,7 +200,7 @@ def test_the_history_is_backed_up_while_the_monitor_writes_and_restored_elsewher
         'FLEETSIGHT_HISTORY="${FLEETSIGHT_HISTORY%postgres}restored" fleetsight history restore --from /tmp/copy'
     )
     told = fleet.run("exec", "deploy_monitor_1", "sh", "-c", steps)
-    assert re.search(r"^/tmp/copy: [\d.]+ MB\n.*restored: \d+ intervals$", told, re.MULTILINE)
+    assert re.search(r"^/tmp/copy: [\d.]+ MB\n.*restored: [1-9]\d* intervals$", told, re.MULTILINE)
 
 
 def test_prometheus_has_the_metrics_and_our_rules(fleet: Podman) -> None:
@@ -215,9 +216,13 @@ def test_prometheus_has_the_metrics_and_our_rules(fleet: Podman) -> None:
 
 
 def test_a_process_that_is_killed_keeps_what_it_had(fleet: Podman) -> None:
+    count = 'PGPASSWORD=$PASSWORD psql -h 127.0.0.1 -U fleetsight -d postgres -Atc "select count(*) from presence"'
+    before = int(fleet.run("exec", "deploy_postgresql_1", "sh", "-c", count))
     fleet.run("kill", "--signal=KILL", "deploy_monitor_1")
+    killed = datetime.now(UTC).isoformat(timespec="seconds")
     fleet.run("start", "deploy_monitor_1")
-    fleet.until_said("deploy_monitor_1", "r1/camera: online", "--since=1m")
+    fleet.until_said("deploy_monitor_1", "r1/camera: online", f"--since={killed}")
+    assert int(fleet.run("exec", "deploy_postgresql_1", "sh", "-c", count)) >= before > 0
 
 
 def test_all_end_in_order(fleet: Podman) -> None:
@@ -230,13 +235,9 @@ def test_all_end_in_order(fleet: Podman) -> None:
 @pytest.fixture
 def central(podman: Podman, tmp_path: Path) -> Iterator[Podman]:
     """What is central for real robots, with certificates of `fleetsight pki`."""
-    names = ("monitor", "detector", "space", "worldmodel")
-    authority = make_certificates(tmp_path, {name: name for name in names})
-    for name in (*names, ROBOT):
-        give(authority, name, tmp_path / name)
-    give_file(tmp_path / "access.json", tmp_path / "monitor")
+    make_central(tmp_path)
     files = ["--project-name=central", "--file", str(DEPLOY / "compose.robots.yaml")]
-    folder = {"FLEETSIGHT_TLS_FOLDER": str(tmp_path)}
+    folder = {"FLEETSIGHT_TLS_FOLDER": str(tmp_path), "FLEETSIGHT_DB_PASSWORD": "seven7lights"}
     try:
         podman.compose(*files, "up", "--detach", "--no-build", **folder)
         yield podman
@@ -250,19 +251,24 @@ def test_real_robots_are_served_over_links_with_certificates_and_others_are_not(
     """The robot is on the host's network, as another machine is: its link goes through the port that is published."""
     confined = ["--detach", "--pull=never", "--read-only", "--cap-drop=all", "--network=host"]
     simulator = ["localhost/fleetsight-simulator", "simulate", "--robots=1", "--master-port=11399"]
-    gateway = ["localhost/fleetsight-gateway", "gateway", "--robot=r1", "--ros-master=http://127.0.0.1:11399"]
-    tls = [f"--volume={tmp_path}/{ROBOT}:/tls:ro"]
+    gateway = ["localhost/fleetsight-gateway", "gateway", "--ros-master=http://127.0.0.1:11399"]
+    gateway += ["--connect=tls/127.0.0.1:7447", "--tls=/tls/r1"]
     try:
         central.run("run", *confined, "--name=robot", *simulator)
-        central.run("run", *confined, *tls, "--name=r1", *gateway, "--connect=tls/127.0.0.1:7447", "--tls=/tls/r1")
-        central.run("run", *confined, "--name=r2", *gateway, "--connect=tcp/127.0.0.1:7447")
+        for name in (ROBOT, STRANGER):
+            central.run(
+                "run", *confined, f"--volume={tmp_path}/{name}:/tls:ro", f"--name={name}", *gateway, f"--robot={name}"
+            )
         for name in ("detector", "distance", "cloud"):
             central.until_said(f"central_{name}_1", "serving 1 cameras")
         central.until_said("central_worldmodel_1", "serving it")
         central.until_said("central_monitor_1", "r1/camera: online")
-        central.until_said("r2", "waiting for a link to tcp/127.0.0.1:7447")
+        central.until_said(STRANGER, "waiting for a link to tls/127.0.0.1:7447")
+        assert "connected to" in central.logs(ROBOT)
+        assert "connected to" not in central.logs(STRANGER)
+        assert f"{STRANGER}/camera" not in central.logs("central_monitor_1")
     finally:
-        central.run("rm", "--force", "--time=5", "robot", "r1", "r2")
+        central.run("rm", "--force", "--time=5", "robot", "r1", STRANGER)
 
 
 def test_the_chart_s_pods_with_certificates_keep_their_history_in_postgresql(podman: Podman, tmp_path: Path) -> None:

@@ -38,12 +38,14 @@ def extras(file: Path) -> set[str]:
 @pytest.mark.parametrize("file", [SPACE, UPGRADING], ids=lambda file: file.name)
 def test_what_measures_beside_the_gateway_is_installed_as_the_gateway_is_with_its_extras(file: Path) -> None:
     made, installed, removed = environment(GATEWAY)
-    assert environment(file) == [made, [*installed[:-1], ".[distance,cloud]"], removed]
-    assert extras(file) == {command(service).extra for service in ("distance", "cloud")}
+    assert environment(file) == [made, [*installed[:-1], ".[distance,cloud,pki]"], removed]
+    assert extras(file) == {command(name).extra for name in ("distance", "cloud")} | extras(GATEWAY)
 
 
 def test_the_gateways_unit_says_what_to_install_where_more_is_to_be_there() -> None:
-    assert "'.[distance,cloud]' instead of . where fleetsight-space@.service" in GATEWAY.read_text(encoding="utf-8")
+    """A robot that has a token needs `pki`, and has no pip to add it with."""
+    assert extras(GATEWAY) == {"pki"}
+    assert "'.[distance,cloud,pki]' where fleetsight-space@.service" in GATEWAY.read_text(encoding="utf-8")
 
 
 def test_an_upgrade_stops_all_that_it_replaces_and_starts_it_again() -> None:

@@ -69,6 +69,8 @@ def test_a_release_is_packed_from_its_tag_alone_and_with_its_record(
     for each in ("0.2.0", "0.3.0"):  # of these two the first is in the changelog
         check_release(each, CHANGELOG, changed=[], tags=["v0.1.0", "v0.2.0"])
     check_release("0.3.0", CHANGELOG, changed=["README.md"], tags=[])
+    with pytest.raises(ValueError, match=r"tagged v0\.3\.0, which CHANGELOG\.md has not"):
+        check_release("0.3.0", CHANGELOG, changed=[], tags=["v0.3.0"])
     with pytest.raises(ValueError, match=r"README\.md is not: commit it, or git stash"):
         check_release("0.2.0", CHANGELOG, changed=["README.md"], tags=["v0.2.0"])
     with pytest.raises(ValueError, match=r"no such tag: git tag v0\.2\.0, or check it out"):

@@ -32,14 +32,12 @@ CENTRAL = "tls/127.0.0.1:7457"
 
 FLEET = "robots: [r1]\nroles: {central: [monitor, worldmodel], gpu1: detector}\n"
 ISSUE = f"""
-cd /root
-{PROGRAM} pki init
-for name in central gpu1 r1; do {PROGRAM} pki issue $name; done
-{PROGRAM} access fleet.yaml --folder pki --to /etc/fleetsight/access.json
-install -m 644 pki/*.pem /etc/fleetsight/
-install -o fleetsight -g fleetsight -m 400 pki/central.key pki/gpu1.key pki/r1.key /etc/fleetsight/
+mkdir /root/pki && cd /root/pki
+{PROGRAM} pki init --folder .
+for name in central gpu1 r1; do {PROGRAM} pki issue $name --folder .; done
+{PROGRAM} access /root/fleet.yaml --folder . --to access.json
 """
-"""The links' certificates, made as docs/security.md says. Enrolment has an authority of its own."""
+"""Makes the links' certificates as docs/security.md says. Enrolment has an authority of its own."""
 
 ASK = "import sys, urllib.request as web; print(web.urlopen(sys.argv[1], timeout=5).read().decode())"
 
@@ -52,11 +50,14 @@ def told(name: str) -> list[str]:
 
 def script() -> str:
     """Return what sets the machine up, with the extras of all that is started there."""
-    commands = [*told("gateway"), *told("enrolment"), *told("renew")]
-    assert any(line.endswith(" .") for line in commands)
+    of_links = re.compile(r" (ca\.pem|access\.json|\w+\.key) ")
+    commands = [each for name in ("gateway", "enrolment", "renew") for each in told(name) if not of_links.search(each)]
+    copied = [each for name in SETTINGS for each in told(name) if of_links.search(each)]
+    assert any(line.endswith(" '.[pki]'") for line in commands)
+    assert len(copied) == 7  # of the gateway and the detector two each, of the monitor three
     files = [f"deploy/fleetsight-{name}.service" for name in ("gateway", "monitor", "worldmodel", "space@", "detector")]
     enabled = " ".join(shlex.quote(f"fleetsight-{name}") for name in (*SERVICES, "enrolment"))
-    lines = [f"{line[:-1]}'.[{EXTRAS}]'" if line.endswith(" .") else line for line in commands]
+    lines = [line.replace("'.[pki]'", f"'.[{EXTRAS}]'") for line in commands]
     return "\n".join(
         (
             *(line.replace(" fleet.yaml ", " /root/fleet.yaml ") for line in lines),
@@ -64,6 +65,7 @@ def script() -> str:
             f"install -m 644 {' '.join(files)} /etc/systemd/system/",
             f"systemctl enable {enabled}",
             ISSUE,
+            *copied,
         )
     )
 

@@ -66,7 +66,8 @@ class Installed:
 
 
 def _outside() -> dict[str, str]:
-    return {name: value for name, value in os.environ.items() if not name.startswith(INHERITED)}
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(INHERITED)}
+    return kept | {"FLEETSIGHT_CACHE": os.environ["FLEETSIGHT_CACHE"]}
 
 
 @asynccontextmanager

@@ -12,8 +12,8 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+import tomllib
 from contextlib import closing
-from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -140,7 +140,8 @@ def plain(payload: bytes) -> Any:
 
 def main() -> None:
     """Record it."""
-    folder = FOLDER / version("fleetsight")
+    pyproject = tomllib.loads((FOLDER.parents[1] / "pyproject.toml").read_text(encoding="utf-8"))
+    folder = FOLDER / pyproject["project"]["version"]
     if folder.exists():
         sys.exit(
             f"{folder} is there: remove it if that version is not released yet, else set a new one in pyproject.toml"

@@ -3,6 +3,7 @@
 The release's processes run with today's versions of other packages, Zenoh's too, and with today's weights.
 """
 
+import asyncio
 import base64
 import json
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ from tests.releases.installed import TODAY, Installed, process
 from tests.releases.record import make_history, plain
 from tests.releases.test_upgrade import EXPORTED, RELEASES, lost
 from tests.schemas.test_codec import MESSAGES
+from tests.services.monitor.history.test_store import opened
 from tests.waiting import PATIENCE_S, next_of, until
 
 READ: Final = """
@@ -82,13 +84,23 @@ async def test_going_back_it_exports_what_todays_monitor_kept(
         assert before.read_text(encoding="utf-8") == today.read_text(encoding="utf-8"), what
 
 
-async def seen_by(endpoint: str) -> tuple[fleetsight.ClassList, fleetsight.Distances]:
-    """Return a list and distances of the robot with something in view."""
+async def seen_by(endpoint: str) -> tuple[fleetsight.ClassList, fleetsight.Distances, int]:
+    """Return a list and distances of the robot with something in view, and how many objects the world has."""
     async with fleetsight.connect(endpoint, within_s=PATIENCE_S) as fleet:
         lists, distances = fleet.class_lists("r1"), fleet.distances("r1")
         while not (seen := await next_of(aiter(lists))).classes:
             pass
-        return seen, await next_of(aiter(distances))
+        measured = await next_of(aiter(distances))
+        async with asyncio.timeout(PATIENCE_S):
+            while not (found := await fleet.world()).objects:  # noqa: ASYNC110 - nobody tells
+                await asyncio.sleep(0.2)
+        return seen, measured, len(found.objects)
+
+
+async def heartbeat_ns(history: str) -> int:
+    """Return when a monitor last wrote."""
+    async with opened(history) as store:
+        return await store.heartbeat_ns() or 0
 
 
 @pytest.mark.parametrize("upgraded", ["centre", "robot"])
@@ -112,12 +124,16 @@ async def test_a_fleet_half_of_which_is_upgraded_works_and_its_history_goes_on(
             process(robot, "distance", *connect),
             process(centre, "detector", *connect),
         ):
-            seen, measured = await seen_by(endpoint)
+            seen, measured, objects = await seen_by(endpoint)
             assert seen.header.robot == measured.header.robot == "r1"
+            assert objects > 0
             await until(lambda: "r1/camera: online" in "".join(told))
+        beats_ns = [await heartbeat_ns(history)]
         for other in (robot, centre):  # forth, and back again
             async with process(other, *monitor) as told, process(robot, "gateway", "--robot", "r1", *connect, *at):
                 await until(lambda: "r1/camera: online" in "".join(told))
+            beats_ns.append(await heartbeat_ns(history))
+    assert sorted(set(beats_ns)) == beats_ns  # each wrote to it
     rows = tmp_path / "sightings.csv"
     await run(ExportSettings.model_validate({"task": "export", "history": history, "to": rows, "what": "sightings"}))
-    assert ",r1,camera," in rows.read_text(encoding="utf-8")
+    assert "\nr1,camera," in rows.read_text(encoding="utf-8")

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -11,6 +12,9 @@ from services.access.process import run_access, run_pki
 from services.access.settings import AccessSettings, PkiSettings
 
 ROBOT: Final = "r1"
+STRANGER: Final = "r2"
+"""A robot whose certificate an authority of its own made. It knows the fleet's, which does not know it."""
+
 USER: Final = 10001
 """The user of the containers."""
 
@@ -24,6 +28,20 @@ def make_certificates(folder: Path, roles: Mapping[str, str], *hosts: str) -> Pa
     (folder / "fleet.yaml").write_text(json.dumps({"robots": [ROBOT], "roles": dict(roles)}), encoding="utf-8")
     asyncio.run(_make(folder, authority, roles, hosts))
     return authority
+
+
+def make_central(folder: Path) -> None:
+    """Make folders with what the processes of compose.robots.yaml need, and two robots, in a folder."""
+    names = ("monitor", "detector", "space", "worldmodel")
+    authority = make_certificates(folder, {name: name for name in names})
+    for name in (*names, ROBOT):
+        give(authority, name, folder / name)
+    give_file(folder / "access.json", folder / "monitor")
+    foreign = folder / "foreign"
+    foreign.mkdir()
+    other = make_certificates(foreign, {})
+    shutil.copy(authority / "ca.pem", other)
+    give(other, ROBOT, folder / STRANGER)
 
 
 def give(authority: Path, name: str, folder: Path) -> None:
