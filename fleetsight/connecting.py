@@ -61,7 +61,7 @@ async def connect(
             raise _refusal(error, chosen) from error
         stack.push_async_callback(iterations.end)
         await _linked(bus, chosen, within_s)
-        yield Fleet(bus, iterations)
+        yield Fleet(bus, iterations, chosen.tls_certificate)
 
 
 def _chosen(

@@ -169,8 +169,8 @@ class Fleet(Listening):
         block the event loop: compute with `await asyncio.to_thread(...)`. Its errors end the service and are raised.
         model: its name, for people. classes: what it can find, for people, 1,000 at most. robots: work for these alone,
         before all workers that are for any. opinion: give a second opinion, which nobody counts. most_hz: images a
-        second of each camera that are asked for; all of them unless given. worker: its name; one that nobody has unless
-        given.
+        second of each camera that are asked for; all of them unless given. worker: its name; one that nobody has, and
+        that begins with the certificate's, unless given.
 
         Raises:
             SettingsError: a name or a rate that cannot be, or one too long for others to read.
@@ -191,7 +191,7 @@ class Fleet(Listening):
         """
         most_hz, classes = rate_hz("most_hz", most_hz), names("classes", classes)
         check_fields(WorkerStatus, model=model, classes=classes)
-        given = {} if worker is None else {"worker": worker}
+        given = {"tls_certificate": self._certificate} if worker is None else {"worker": worker}
         try:
             sharing = SharingSettings.model_validate({"robots": names("robots", robots), **given})
         except ValidationError as error:

@@ -2,6 +2,7 @@
 
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import Final, TypeVar
 
 from bus import LATEST, Bus, Latest, Queue, Subscription
@@ -29,9 +30,10 @@ R = TypeVar("R", ClassList, Detections, Distances, ObjectClouds)
 class Listening:
     """The part of `fleetsight.Fleet` that listens."""
 
-    def __init__(self, bus: Bus, iterations: Iterations) -> None:
+    def __init__(self, bus: Bus, iterations: Iterations, certificate: Path | None = None) -> None:
         self._bus = bus
         self._iterations = iterations
+        self._certificate = certificate
 
     def class_lists(self, robot: str = "*", camera: str = "*", *, keep: Latest | Queue = LATEST) -> Stream[ClassList]:
         """Return which classes are in view of cameras, frame by frame; first what was last known of each.

@@ -13,9 +13,9 @@ COMMANDS: Final = (
         refusals=("bus:BusError", "gateway.process:HostError"),
         arguments="gateway.roslaunch_arguments:options_of",
         examples=(
-            "fleetsight gateway --robot r1 --connect tcp/central:7447",
+            "fleetsight gateway --robot r1 --connect tls/central:7447 --tls pki/r1",
             "fleetsight gateway --robot r1 --cameras front=/cam0/picture --topics front/depth=/cam0/range,tf=/tf",
-            "fleetsight gateway --robot r1 --connect tcp/central:7447 --max-hz 10,*/depth=5 --uplink-mbit 8",
+            "fleetsight gateway --robot r1 --max-hz 10,*/depth=5 --uplink-mbit 8",
         ),
     ),
     Command(
@@ -26,9 +26,9 @@ COMMANDS: Final = (
         arguments="gateway.roslaunch_arguments:options_of",
         finite=True,
         examples=(
-            "fleetsight doctor --robot r1 --connect tcp/central:7447",
+            "fleetsight doctor --robot r1 --connect tls/central:7447 --tls pki/r1",
             "fleetsight doctor --config /etc/fleetsight/gateway.yaml --json",
-            "fleetsight doctor --connect tcp/central:7447",
+            "fleetsight doctor --connect tls/central:7447 --tls pki/ann",
         ),
     ),
     Command(
@@ -39,9 +39,9 @@ COMMANDS: Final = (
         refusals=("bus:BusError", "services.detector.model:ModelError"),
         extra="detector-onnx",
         examples=(
-            "fleetsight detector --connect tcp/central:7447",
+            "fleetsight detector --connect tls/central:7447 --tls pki/gpu1",
             "fleetsight detector --model my-seg.pt --robots r1 --device cuda:0",
-            "fleetsight detector --opinion --model new.pt --connect tcp/central:7447",
+            "fleetsight detector --opinion --model new.pt --connect tls/central:7447 --tls pki/gpu1",
         ),
     ),
     Command(
@@ -50,7 +50,7 @@ COMMANDS: Final = (
         "services.distance.settings:DistanceSettings",
         "services.distance.process:run",
         extra="distance",
-        examples=("fleetsight distance --robots r1 --connect tcp/central:7447",),
+        examples=("fleetsight distance --robots r1 --connect tls/central:7447 --tls pki/space1",),
     ),
     Command(
         "cloud",
@@ -58,7 +58,7 @@ COMMANDS: Final = (
         "services.cloud.settings:CloudSettings",
         "services.cloud.process:run",
         extra="cloud",
-        examples=("fleetsight cloud --robots r1 --connect tcp/central:7447",),
+        examples=("fleetsight cloud --robots r1 --connect tls/central:7447 --tls pki/space1",),
     ),
     Command(
         "worldmodel",
@@ -67,8 +67,8 @@ COMMANDS: Final = (
         "services.worldmodel.process:run",
         extra="worldmodel",
         examples=(
-            "fleetsight worldmodel --connect tcp/central:7447 --state /var/lib/fleetsight/world",
-            "fleetsight worldmodel --sites hall-2=r1+r2,hall-3=r3 --connect tcp/central:7447",
+            "fleetsight worldmodel --connect tls/central:7447 --tls pki/world1 --state /var/lib/fleetsight/world",
+            "fleetsight worldmodel --sites hall-2=r1+r2,hall-3=r3 --connect tls/central:7447 --tls pki/world1",
         ),
     ),
     Command(
@@ -94,7 +94,7 @@ COMMANDS: Final = (
         log_level="error",
         finite=True,
         examples=(
-            "fleetsight detect photo.jpg --connect tcp/central:7447",
+            "fleetsight detect photo.jpg --connect tls/central:7447 --tls pki/ann",
             "fleetsight detect photo.jpg --local --model my-seg.pt --json",
         ),
     ),
@@ -228,7 +228,10 @@ COMMANDS: Final = (
         positional=("robot", "service"),
         log_level="error",
         finite=True,
-        examples=("fleetsight call r1 /reset --connect tcp/central:7447", "fleetsight call r1 /lights --data true"),
+        examples=(
+            "fleetsight call r1 /reset --connect tls/central:7447 --tls pki/ann",
+            "fleetsight call r1 /lights --data true",
+        ),
     ),
     Command(
         "simulate",
@@ -254,7 +257,7 @@ COMMANDS: Final = (
         positional=("folder",),
         finite=True,
         examples=(
-            "fleetsight collect site --every-s 30 --robots 'r*' --connect tcp/central:7447",
+            "fleetsight collect site --every-s 30 --robots 'r*' --connect tls/central:7447 --tls pki/ann",
             "fleetsight collect site --unsure 0.25..0.4 --appears forklift --most 300",
             "fleetsight collect site --disagree --blur person --seconds 3600",
         ),

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
+from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -58,6 +59,17 @@ async def test_images_are_taken_while_somebody_wants_results_and_those_are_publi
             assert [(each.name, each.count) for each in seen.classes] == [("crate", 1), ("post", 1)]
             break
     await until(lambda: asyncio.all_tasks() == {asyncio.current_task()})
+
+
+async def test_its_name_begins_with_its_certificates_as_routers_with_rules_demand() -> None:
+    async with two() as (_, own, other):
+        secured = Fleet(own._bus, own._iterations, Path("pki/gpu1.pem"))
+        running = asyncio.create_task(secured.serve_model(crates, model="crates"))
+        try:
+            change = await next_of(aiter(other.workers()))
+            assert change.who.worker.startswith("gpu1-")
+        finally:
+            running.cancel()
 
 
 async def test_a_second_opinion_is_published_as_one() -> None:
