@@ -52,7 +52,7 @@ def script() -> str:
     """Return what sets the machine up, with the extras of all that is started there."""
     of_links = re.compile(r" (ca\.pem|access\.json|\w+\.key) ")
     commands = [each for name in ("gateway", "enrolment", "renew") for each in told(name) if not of_links.search(each)]
-    copied = [each for name in SETTINGS for each in told(name) if of_links.search(each)]
+    copied = [each for name in ("gateway", "monitor", "detector") for each in told(name) if of_links.search(each)]
     assert any(line.endswith(" '.[pki]'") for line in commands)
     assert len(copied) == 7  # of the gateway and the detector two each, of the monitor three
     files = [f"deploy/fleetsight-{name}.service" for name in ("gateway", "monitor", "worldmodel", "space@", "detector")]
