@@ -1,4 +1,4 @@
-"""What a robot installs, the gateway and the command line without extras, stays small.
+"""What a robot installs, the gateway and the command line, with what gets and renews certificates, stays small.
 
 As deploy/fleetsight-gateway.service says: pip compiles nothing and is not left there.
 """
@@ -12,7 +12,9 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
-MAX_BYTES = 125_000_000
+MAX_BYTES = 142_000_000
+"""125 MB without the extra `pki`."""
+
 COMPILED = ".pyc"
 UNIT = ROOT / "deploy" / "fleetsight-gateway.service"
 
@@ -43,10 +45,11 @@ def size_of_own(packages: list[str]) -> int:
 def test_what_a_robot_installs_is_small() -> None:
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     done: set[tuple[str, frozenset[str]]] = set()
-    names = {name for each in declared["project"]["dependencies"] for name in installed_with(Requirement(each), done)}
+    wanted = [*declared["project"]["dependencies"], *declared["project"]["optional-dependencies"]["pki"]]
+    names = {name for each in wanted for name in installed_with(Requirement(each), done)}
     sizes = {name: size_of_distribution(name) for name in names}
     sizes["ours"] = size_of_own(declared["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
-    assert {"numpy", "pydantic-core"} < sizes.keys()
+    assert {"numpy", "pydantic-core", "cryptography"} < sizes.keys()
     assert min(sizes.values()) > 0
     assert sum(sizes.values()) <= MAX_BYTES, sorted(sizes.items(), key=lambda item: -item[1])
 
@@ -58,5 +61,5 @@ def test_it_is_installed_without_what_is_not_counted() -> None:
         if "/opt/fleetsight" in line and line.startswith("#   ")
     )
     assert made == ["python3", "-m", "venv", "--clear", "/opt/fleetsight"]
-    assert installed[1:] == ["install", "--no-compile", "-c", "constraints.txt", "."]
+    assert installed[1:] == ["install", "--no-compile", "-c", "constraints.txt", "'.[pki]'"]
     assert removed[1:] == ["uninstall", "--yes", "pip", "setuptools"]
