@@ -6,6 +6,7 @@ import logging
 import socket
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final
@@ -43,7 +44,8 @@ async def run_pki(settings: PkiSettings) -> None:
         if settings.task == "serve":
             await _serve(Authority(settings.folder), settings)
             return
-        with terminal_left_as_it_is():
+        asks = settings.task == "enrol"  # for the token, in a thread that an interrupt leaves waiting
+        with terminal_left_as_it_is() if asks else nullcontext():
             lines = await asyncio.to_thread(lambda: list(_TASKS[settings.task](Authority(settings.folder), settings)))
     except (AuthorityError, EnrolmentError) as error:
         raise AccessError(str(error)) from error

@@ -112,9 +112,13 @@ class ModelCache:
 
     def recall(self) -> ModelRegistry | None:
         """Return what was run last; None if nothing was, it cannot be read, or others could have written it."""
-        with suppress(OSError, NotOursError, msgspec.MsgspecError, UnicodeError):
+        try:
             check_ours(self.folder / LAST)
             return msgspec.json.decode((self.folder / LAST).read_bytes(), type=ModelRegistry)
+        except NotOursError as error:
+            log.error("which model was run last is not taken from --cache %s: %s", self.folder, error)  # noqa: TRY400
+        except (OSError, msgspec.MsgspecError, UnicodeError):
+            pass
         return None
 
     def close(self) -> None:

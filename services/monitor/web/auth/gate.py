@@ -81,7 +81,7 @@ def judge(asking: RequestInfo, visitor: Visitor | None, *, by: Kind | None, plac
     harmless = asking.method in SAFE
     known = visitor is not None and visitor.may_look
     abusable = known or asking.path in OPEN  # else refused below as not logged in: its token may be missing
-    if not _is_ours(asking.headers, place.origin, needed=abusable and not harmless and by is not Kind.TOKEN):
+    if not _is_ours(asking.headers, place, needed=abusable and not harmless and by is not Kind.TOKEN):
         return Verdict.FOREIGN
     if asking.path in OPEN or (place.open_metrics and asking.path == METRICS):
         return Verdict.PASS
@@ -109,9 +109,13 @@ def host_of(headers: Mapping[str, str]) -> str:
 
 
 def _is_any_names(asking: RequestInfo, visitor: Visitor | None, by: Kind | None, place: ServedAt) -> bool:
-    """Whether a request is answered under any name: no browser sends the token, or the answer is for everybody."""
+    """Whether a request is answered under any name: it is a program's with a token, or the answer is for everybody.
+
+    A token that is not known, or ended, is told as that.
+    """
+    program = by is Kind.TOKEN and (visitor is not None or asking.path not in OPEN)
     open_to_all = asking.path == HEALTH or (place.open_metrics and asking.path == METRICS)
-    return not place.hosts or (by is Kind.TOKEN and visitor is not None) or (open_to_all and asking.method in SAFE)
+    return not place.hosts or program or (open_to_all and asking.method in SAFE)
 
 
 def _is_our_name(host: str, names: frozenset[str]) -> bool:
@@ -125,7 +129,7 @@ def _is_our_name(host: str, names: frozenset[str]) -> bool:
     return True
 
 
-def _is_ours(headers: Mapping[str, str], own_origin: str, *, needed: bool) -> bool:
+def _is_ours(headers: Mapping[str, str], place: ServedAt, *, needed: bool) -> bool:
     """Whether a request comes from a page of ours, or from no page at all.
 
     needed: it must say so: a browser sends its cookie along with whatever any page makes it send.
@@ -133,7 +137,7 @@ def _is_ours(headers: Mapping[str, str], own_origin: str, *, needed: bool) -> bo
     origin = headers.get("origin")
     if origin is None:
         return not needed
-    if own_origin:
-        return origin == own_origin
+    if place.origin and (origin == place.origin or not _is_our_name(host_of(headers), place.hosts)):
+        return origin == place.origin
     host = headers.get("host")
     return bool(host) and origin in (f"http://{host}", f"https://{host}")

@@ -76,6 +76,23 @@ def test_a_foreign_name_that_leads_to_us_reaches_nothing(host: str) -> None:
             assert judge(asking, visitor, by=Kind.SESSION, place=HOSTS) is Verdict.MISDIRECTED
 
 
+def test_a_token_that_ended_is_told_as_that_under_any_name_and_opens_no_page() -> None:
+    service = {"host": "fleet-monitor.fleet.svc:8080"}
+    for path in ("/metrics", "/api/v1/robots"):
+        assert judge(RequestInfo("GET", path, service), None, by=Kind.TOKEN, place=HOSTS) is Verdict.UNKNOWN
+    for method in ("GET", "POST"):
+        assert judge(RequestInfo(method, "/login", service), None, by=Kind.TOKEN, place=HOSTS) is Verdict.MISDIRECTED
+
+
+def test_beside_a_proxys_our_own_names_and_addresses_log_in_and_no_page_of_others() -> None:
+    place = ServedAt("https://fleet.example", hosts=HOSTS.hosts)
+    for host in ("localhost:8080", "10.0.0.7:8080", "fleet.lan"):
+        asking = RequestInfo("POST", "/login", {"host": host, "origin": f"http://{host}"})
+        assert judge(asking, None, by=None, place=place) is Verdict.PASS
+        foreign = RequestInfo("POST", "/login", {"host": host, "origin": "http://evil.test"})
+        assert judge(foreign, None, by=None, place=place) is Verdict.FOREIGN
+
+
 def test_programs_and_probes_may_use_any_name_since_no_page_can_read_more_by_it() -> None:
     service = {"host": "fleet-monitor.fleet.svc:8080"}
 
@@ -85,7 +102,7 @@ def test_programs_and_probes_may_use_any_name_since_no_page_can_read_more_by_it(
     assert verdict_at("GET", "/healthz", by=Kind.SESSION, visitor=None) is Verdict.PASS
     assert verdict_at("GET", "/api/v1/robots", by=Kind.TOKEN, visitor=VIEWER) is Verdict.PASS
     assert verdict_at("GET", "/metrics", by=Kind.TOKEN, visitor=VIEWER) is Verdict.PASS
-    assert verdict_at("GET", "/metrics", by=Kind.TOKEN, visitor=None) is Verdict.MISDIRECTED
+    assert verdict_at("GET", "/metrics", by=Kind.TOKEN, visitor=None) is Verdict.UNKNOWN
     assert verdict_at("GET", "/metrics", by=Kind.SESSION, visitor=VIEWER) is Verdict.MISDIRECTED
     open_metrics = ServedAt(hosts=HOSTS.hosts, open_metrics=True)
     assert verdict_at("GET", "/metrics", by=Kind.SESSION, visitor=None, place=open_metrics) is Verdict.PASS
