@@ -169,7 +169,7 @@ INSERT INTO public.schema_version VALUES (1, 1);
 INSERT INTO public.stock VALUES ('hall', 'zone 0', 'box', 1764000000000000000, 1764666666666666660, false, 0);
 INSERT INTO public.stock VALUES ('hall', 'zone 1', 'box', 1764033333333333333, 1764699999999999993, false, 1);
 INSERT INTO public.stock VALUES ('hall', 'zone 2', 'box', 1764066666666666666, 1764733333333333326, false, 2);
-INSERT INTO public.users VALUES ('ann', 'operator', '$argon2id$v=19$m=19456,t=2,p=1$yanJGWJ/50Dfy2PpAqDrug$4IjBymeld0EfvnZHC77dP8NLtXVEecthQQ80gfGvS1I', 1764100000000000000);
+INSERT INTO public.users VALUES ('ann', 'operator', '$argon2id$v=19$m=19456,t=2,p=1$r5eqeASo70uBBsU0Fv2k5A$oTBXBGGiq2DX9QUlZDD9eleX8oI+8WjQ4xjKSuGCzYo', 1764100000000000000);
 ALTER TABLE ONLY public.acts
     ADD CONSTRAINT acts_pkey PRIMARY KEY (alert_id, at_ns, state);
 ALTER TABLE ONLY public.alert_objects

@@ -160,8 +160,8 @@ INSERT INTO "sqlite_stat1" VALUES('stock','stock_by_end','3 1');
 INSERT INTO "sqlite_stat1" VALUES('stock','sqlite_autoindex_stock_1','3 3 1 1 1');
 INSERT INTO "sqlite_stat1" VALUES('object_events','object_events_by_end','3 1');
 INSERT INTO "sqlite_stat1" VALUES('object_events','sqlite_autoindex_object_events_1','3 3 1 1 1');
-INSERT INTO "sqlite_stat1" VALUES('alerts','alerts_by_change','3 1');
 INSERT INTO "sqlite_stat1" VALUES('alerts','alerts_open','1 1');
+INSERT INTO "sqlite_stat1" VALUES('alerts','alerts_by_change','3 1');
 INSERT INTO "sqlite_stat1" VALUES('alerts','sqlite_autoindex_alerts_1','3 1');
 INSERT INTO "sqlite_stat1" VALUES('acts','sqlite_autoindex_acts_1','3 1 1 1');
 INSERT INTO "sqlite_stat1" VALUES('forgotten','sqlite_autoindex_forgotten_1','3 1');
@@ -186,24 +186,24 @@ CREATE TABLE users (
 	changed_ns BIGINT NOT NULL, 
 	PRIMARY KEY (name)
 );
-INSERT INTO "users" VALUES('ann','operator','$argon2id$v=19$m=19456,t=2,p=1$Cwfhpztt3KDr9LSdKgJD8g$ox1VAwV/FhhvQvTkZmDIdD3Bf6w/gH+tWtqLAutvsZA',1764100000000000000);
+INSERT INTO "users" VALUES('ann','operator','$argon2id$v=19$m=19456,t=2,p=1$O6Or07foEgD2H5QlupVgww$h8ywUn0A3i4tgUi8bLClkw+GcXY46uATm0MVpiJ8DFo',1764100000000000000);
 CREATE TABLE webhook_backlog (
 	webhook TEXT NOT NULL, 
 	alert_id VARCHAR(64) NOT NULL, 
 	changed_ns BIGINT NOT NULL, 
 	PRIMARY KEY (webhook, alert_id)
 );
-CREATE INDEX intervals_by_end ON intervals (until_ns);
 CREATE INDEX intervals_open ON intervals (since_ns) WHERE open = 1;
-CREATE INDEX presence_open ON presence (since_ns) WHERE open = 1;
+CREATE INDEX intervals_by_end ON intervals (until_ns);
 CREATE INDEX presence_by_end ON presence (until_ns);
-CREATE INDEX disagreements_open ON disagreements (since_ns) WHERE open = 1;
+CREATE INDEX presence_open ON presence (since_ns) WHERE open = 1;
 CREATE INDEX disagreements_by_end ON disagreements (until_ns);
+CREATE INDEX disagreements_open ON disagreements (since_ns) WHERE open = 1;
 CREATE INDEX stock_by_end ON stock (until_ns);
 CREATE INDEX stock_open ON stock (since_ns) WHERE open = 1;
 CREATE INDEX object_events_by_end ON object_events (until_ns);
 CREATE INDEX object_events_open ON object_events (since_ns) WHERE open = 1;
-CREATE INDEX alerts_open ON alerts (changed_ns) WHERE state != 'resolved';
 CREATE INDEX alerts_by_change ON alerts (changed_ns);
+CREATE INDEX alerts_open ON alerts (changed_ns) WHERE state != 'resolved';
 CREATE INDEX logins_by_user ON logins (user);
 COMMIT;
