@@ -175,8 +175,7 @@ def main(folder: Path) -> None:
     changed, tags = _git("status", "--porcelain"), _git("tag", "--points-at", "HEAD")
     check_release(version, changelog, changed=[line[3:] for line in changed], tags=tags)
     (revision,) = _git("rev-parse", "HEAD")
-    told = notes(changelog, version)
-    (folder / "NOTES.md").write_text(told, encoding="utf-8")
+    (folder / "NOTES.md").write_text(notes(changelog, version), encoding="utf-8")
     found = images((ROOT / "deploy" / "Containerfile").read_text(encoding="utf-8"))
     listed = []
     for target, extras in found.items():
@@ -187,8 +186,8 @@ def main(folder: Path) -> None:
             bill_of_materials(folder / bill, packages)
         here = built(image, version, revision)
         listed.append({"target": target, "image": image, "extras": extras, "sbom": extras and bill, "built": here})
-    told = json.dumps({"version": version, "revision": revision, "images": listed}, indent=2)
-    (folder / "images.json").write_text(f"{told}\n", encoding="utf-8")
+    described = json.dumps({"version": version, "revision": revision, "images": listed}, indent=2)
+    (folder / "images.json").write_text(f"{described}\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -17,6 +17,12 @@ if TYPE_CHECKING:
 
     from gateway.ros1.resolver import Resolver
 
+log = logging.getLogger(__name__)
+
+MASTER_ONLY: Final = frozenset({"publisherUpdate", "paramUpdate", "shutdown"})
+MAX_NAMED: Final = 64
+"""Number of addresses whose refused calls are logged."""
+
 _MAX_INT = 2**31 - 1
 
 
@@ -95,12 +101,6 @@ def _fitting(value: Any) -> Any:
     if isinstance(value, list):
         return [_fitting(item) for item in value]
     return min(value, _MAX_INT) if isinstance(value, int) else value
-
-
-log = logging.getLogger(__name__)
-
-MASTER_ONLY: Final = frozenset({"publisherUpdate", "paramUpdate", "shutdown"})
-MAX_NAMED: Final = 64
 
 
 class MasterCalls:
