@@ -115,6 +115,6 @@ class _Link(asyncio.BufferedProtocol):
                 if not self.first_event.is_set():
                     self.first_event.set()
         except Ros1Error as error:
-            self.error = error
+            self.error = error.with_traceback(None)  # its frames hold what came of the message
             if self._transport is not None:
                 self._transport.abort()

@@ -221,7 +221,7 @@ class Subscription:
             log.log(level, "%s as publisher of %s: %s: %s", uri, self.topic, failure, reason)
             await asyncio.sleep(backoff.next_delay())
 
-    async def _run_link(self, uri: str, counters: LinkCounters) -> tuple[LinkFailure, object]:
+    async def _run_link(self, uri: str, counters: LinkCounters) -> tuple[LinkFailure, str]:
         """Return why the link ended."""
         try:
             address = await self._request_topic(uri)
@@ -235,7 +235,7 @@ class Subscription:
             sink = _Sink(self, uri, counters)
             await run_link(address, connection, sink, resolver=self._client.resolver, handshake_timeout=self._timeout)
         except Ros1Error as error:
-            return _failure_of(error), error
+            return _failure_of(error), str(error)
         return LinkFailure.CLOSED, "end of stream"
 
     async def _request_topic(self, uri: str) -> tuple[str, int]:

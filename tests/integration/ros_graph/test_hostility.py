@@ -267,8 +267,7 @@ MESSAGES: Final = {
 async def test_publishers_that_never_finish(rig: Rig, stream: bytes) -> None:
     async with AsyncExitStack() as stack:
         uris = [await stack.enter_async_context(fake_publisher(PUBLISHER + stream, hang=True)) for _ in range(12)]
-        # What has come of a message is held until it ends, which none of these does: of all at once, if they are quick.
-        async with growing_at_most(rig, GROWTH_BYTES + len(uris) * len(stream)):
+        async with growing_at_most(rig, 4 * MAX_MESSAGE_BYTES):
             for number, uri in enumerate(uris):
                 await rig.client.call(rig.master.uri, "registerPublisher", f"/bad{number}", "/in", STRING.name, uri)
             await rig.keeps_talking()
