@@ -117,8 +117,7 @@ class ViewMaker:
     def _grid(self, view: DepthView, camera: CameraModel) -> DepthGrid:
         if camera is not self._camera or self._pixels is None:
             self._camera, self._pixels = camera, _pixels_of(camera)
-        metres = view.depth.metres().reshape(-1)
-        readings = np.where(self._pixels >= 0, metres.take(self._pixels, mode="clip"), np.nan)
+        readings = np.where(self._pixels >= 0, view.depth.metres_of(self._pixels), np.nan)
         near, far = _quantiles(readings)
         across, down = COLUMNS / camera.width, ROWS / camera.height
         return DepthGrid(
@@ -225,7 +224,7 @@ def _points(
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Return some of n objects' readings in the view's frame, (n, m, 3), and which of them count."""
     z, at, solid = picked.z[:, ::STEP], picked.at[:, ::STEP], solid[:, ::STEP]
-    x, y = (plane.take(at) for plane in camera.rays(camera.height, camera.width).reshape(2, -1))
+    x, y = camera.rays_of(at)
     points = np.stack([x * z, y * z, z], axis=2).astype(np.float64)
     solid = solid & np.isfinite(points).all(axis=2)
     return np.where(solid[..., np.newaxis], points, 0.0) @ from_camera[:3, :3].T + from_camera[:3, 3], solid

@@ -81,9 +81,11 @@ def pick(windows: Sequence[Window], image: Depth, criteria: Criteria) -> Picked:
     there = depth > 0
     masked = _Marked.of(windows, starts, there)
     counts, means = masked.means(depth)
+    stands_for = np.array([window.step**2 for window in windows], np.intp)
+    areas, counts = masked.areas * stands_for, counts * stands_for
     enough = counts >= criteria.min_pixels
     own = np.ones(len(windows), np.bool_)
-    for row in np.flatnonzero(enough & (counts < WELL_READ * masked.areas)).tolist():
+    for row in np.flatnonzero(enough & (counts < WELL_READ * areas)).tolist():
         window = windows[row]
         end = starts[row] + window.pixels.size
         own[row] = has_own_depth(window, depth[starts[row] : end].reshape(window.pixels.shape))
@@ -93,7 +95,7 @@ def pick(windows: Sequence[Window], image: Depth, criteria: Criteria) -> Picked:
     at = _in_image(within, [windows[row] for row in rows.tolist()], starts[rows], image.shape[1])
     z, at = _ascending(depth.take(within), at)
     around = _around(windows, rows, depth, there, starts)
-    return Picked(masked.areas, counts, means, own, rows, z, at, around)
+    return Picked(areas, counts, means, own, rows, z, at, around)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,10 +196,10 @@ def _spread(starts: Indices, counts: Indices, wanted: int) -> Indices:
 
 def _in_image(pixels: Indices, windows: Sequence[Window], starts: Indices, width: int) -> Indices:
     """Return the flat indices (m, k) in an image of this width of pixels counted from m windows' starts."""
-    places = np.array([(window.top, window.left, window.pixels.shape[1]) for window in windows], np.intp)
-    top, left, across = places.reshape(-1, 3).T[:, :, np.newaxis]
-    inside = pixels - starts[:, np.newaxis]
-    return np.asarray(inside + inside // across * (width - across) + (top * width + left))
+    places = np.array([(each.top, each.left, each.pixels.shape[1], each.step) for each in windows], np.intp)
+    top, left, across, step = places.reshape(-1, 4).T[:, :, np.newaxis]
+    rows, columns = np.divmod(pixels - starts[:, np.newaxis], across)
+    return np.asarray((top + rows * step) * width + left + columns * step)
 
 
 def _ascending(z: Floats, at: Indices) -> tuple[Floats, Indices]:

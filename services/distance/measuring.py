@@ -25,7 +25,7 @@ Indices = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 
 AT_ONCE: Final = 1 << 21
-"""Pixels of the windows of objects that are measured together."""
+"""Pixels of the windows of objects that are measured together, and of one window: larger ones are thinned."""
 
 _NOISE: Final = 0.01
 """Share of an object's readings that may be nearer than its reported nearest point."""
@@ -106,7 +106,8 @@ def groups(objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance]) 
     masks = {index: found.mask for index, found in enumerate(objects) if found.mask is not None}
     windows: dict[int, Window] = {}
     pixels = 0
-    for index, window in zip(masks, decode_all(masks.values(), margin=RING, most=MEASURED_PIXELS), strict=True):
+    decoded = decode_all(masks.values(), margin=RING, most=MEASURED_PIXELS, each=AT_ONCE)
+    for index, window in zip(masks, decoded, strict=True):
         if isinstance(window, MaskError):
             unmeasured[index] = _unknown(index, objects[index], 0.0, str(window))
             continue
@@ -192,7 +193,7 @@ def _placed(
     names = [view.frame_id, *(frame.frame_id for frame in view.frames)]
     if isinstance(view.camera, str):
         return [None] * len(z), [[Place(frame_id=name, unknown=view.camera) for name in names]] * len(z)
-    x, y = (plane.take(at) for plane in view.camera.rays(*view.depth.shape).reshape(2, -1))
+    x, y = view.camera.rays_of(at)
     if not (somewhere := np.isfinite(x)).all():
         own = own & somewhere
         solid = _else(solid & somewhere, own)

@@ -13,12 +13,18 @@ from services.geometry.distortion import Distortion, distortion_of
 from services.geometry.errors import CalibrationError
 
 Floats = NDArray[np.float32]
+Indices = NDArray[np.intp]
 Numbers = NDArray[Any]
 Points = Numbers | Sequence[Any]
 """An array, or anything that converts to one."""
 
-MAX_PIXELS: Final = 2**24
-"""Maximum number of pixels of an image whose every pixel gets a direction."""
+MAX_PIXELS: Final = 1 << 23
+"""Maximum number of pixels of an image whose every pixel gets a direction: 8 bytes each are kept."""
+
+KEPT_PIXELS: Final = 1 << 22
+"""Of larger images, the directions of single pixels are calculated each time."""
+
+_AT_ONCE: Final = 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,22 +98,36 @@ class CameraModel:
         directions = self.undistort(pixels)
         return np.column_stack([directions, np.ones(len(directions))]) * np.asarray(depth, np.float64)[:, np.newaxis]
 
-    def rays(self, height: int, width: int) -> Floats:
+    def rays(self) -> Floats:
         """Return the direction of every pixel, x / z and y / z, 2 x height x width; see `undistort`. Read only.
 
         Raises:
-            CalibrationError: pictures of that size are not this camera's, or too large.
+            CalibrationError: there are more than MAX_PIXELS.
         """
-        self.check_size(height, width)
-        if height * width > MAX_PIXELS:
-            raise CalibrationError(f"{width}x{height} pixels, at most {MAX_PIXELS} are placed")
+        if self.height * self.width > MAX_PIXELS:
+            raise CalibrationError(f"{self.width}x{self.height} pixels, at most {MAX_PIXELS} are placed")
         return self._rays
+
+    def rays_of(self, pixels: Indices) -> tuple[Floats, Floats]:
+        """Return the directions x / z and y / z of pixels, by their flat places, in arrays of the same shape."""
+        if self.height * self.width <= KEPT_PIXELS:
+            x, y = (plane.take(pixels) for plane in self._rays.reshape(2, -1))
+            return x, y
+        x, y = self._directions(pixels.reshape(-1)).reshape(2, *pixels.shape)
+        return x, y
 
     @cached_property
     def _rays(self) -> Floats:
-        rows, columns = np.indices((self.height, self.width))
-        directions = self.undistort(np.column_stack([columns.ravel(), rows.ravel()])).T
-        return _frozen(directions.reshape(2, self.height, self.width).astype(np.float32, order="C"))
+        count = self.height * self.width
+        made = np.empty((2, count), np.float32)
+        for start in range(0, count, _AT_ONCE):
+            some = np.arange(start, min(start + _AT_ONCE, count))
+            made[:, some] = self._directions(some)
+        return _frozen(made.reshape(2, self.height, self.width))
+
+    def _directions(self, pixels: Indices) -> Floats:
+        rows, columns = np.divmod(pixels, self.width)
+        return np.ascontiguousarray(self.undistort(np.column_stack([columns, rows])).T, np.float32)
 
 
 def _frozen(made: Floats) -> Floats:

@@ -49,6 +49,11 @@ class Depth:
             return np.empty(numbers.shape, np.float32)
         return np.asarray(cv2.LUT(np.ascontiguousarray(numbers, np.uint16), self.table))
 
+    def metres_of(self, pixels: NDArray[np.intp]) -> Floats:
+        """Return metres of pixels, by their flat places in the image (the nearest, if outside), as `metres` does."""
+        numbers = self.numbers.reshape(-1).take(pixels, mode="clip")
+        return numbers if self.table is None else self.table.take(numbers)
+
 
 def read_depth(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float = np.inf) -> Depth:
     """Read a depth image; values beyond the limits are no readings.

@@ -1,5 +1,6 @@
 """Decodes masks of objects to windows of the image, and trims their edges."""
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -31,18 +32,21 @@ MEASURED_PIXELS: Final = 1 << 25
 class Window:
     """A mask, cropped to the rows and columns with pixels. pixels: height x width.
 
-    top, left: where in the image its first row and column are.
+    top, left: where in the image its first row and column are. step: pixels of the image from one row, or column, of
+    the window to the next.
     """
 
     top: int
     left: int
     pixels: Bools
+    step: int = 1
 
     @property
     def place(self) -> tuple[slice, slice]:
         """The rows and columns of the image that the window covers."""
         height, width = self.pixels.shape
-        return slice(self.top, self.top + height), slice(self.left, self.left + width)
+        down, across = height * self.step, width * self.step
+        return slice(self.top, self.top + down, self.step), slice(self.left, self.left + across, self.step)
 
     @property
     def area(self) -> int:
@@ -64,21 +68,50 @@ def decode(mask: Mask, *, margin: int = 0) -> Window:
     return window
 
 
-def decode_all(masks: Iterable[Mask], *, margin: int = 0, most: int = MAX_PIXELS) -> Iterator[Window | MaskError]:
+def decode_all(
+    masks: Iterable[Mask], *, margin: int = 0, most: int = MAX_PIXELS, each: int = MAX_PIXELS
+) -> Iterator[Window | MaskError]:
     """Decode the masks of one message like `decode`, several at a time.
 
     most: pixels that their windows have together. The error stands in place of a damaged one, and of those for which
-    there is no room left.
+    there is no room left. each: about how many pixels are left of one window, whose margin counts these; larger ones
+    are thinned.
     """
     room = most
     too_large = f"the masks in one image cover over {most // 1_000_000} million pixels together"
     for group in _groups(masks):
         height, width = group[0].size
+        around = margin * _thinning(height, width, each)
         for runs in _runs([mask.counts for mask in group], height, width):
-            for window in [runs] if isinstance(runs, MaskError) else _windows(runs, width, margin, room, too_large):
-                if isinstance(window, Window):
-                    room -= window.pixels.size
-                yield window
+            if isinstance(runs, MaskError):
+                yield runs
+                continue
+            for pixels in _windows(runs, width, around, room):
+                if pixels is None:
+                    yield MaskError(too_large)
+                    continue
+                room -= pixels.columns.size
+                yield pixels.window(each)
+
+
+def _thinning(height: int, width: int, most: int) -> int:
+    """Return which rows and columns of an area are kept so that about `most` of its pixels are left: every nth."""
+    return max(1, math.ceil(math.sqrt(height * width / most)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drawn:
+    """A window's pixels as they are decoded. columns: width x height."""
+
+    top: int
+    left: int
+    columns: Bools
+
+    def window(self, most: int) -> Window:
+        """Return it with about so many pixels at most."""
+        width, height = self.columns.shape
+        step = _thinning(height, width, most)
+        return Window(self.top, self.left, np.ascontiguousarray(self.columns[::step, ::step].T), step)
 
 
 def _runs(texts: list[str], height: int, width: int) -> Iterator[Runs | MaskError]:
@@ -109,8 +142,8 @@ def _groups(masks: Iterable[Mask]) -> Iterator[list[Mask]]:
         yield group
 
 
-def _windows(runs: Runs, width: int, margin: int, room: int, too_large: str) -> Iterator[Window | MaskError]:
-    """Return the windows of masks of images of this width; errors for those beyond this many pixels."""
+def _windows(runs: Runs, width: int, margin: int, room: int) -> Iterator[_Drawn | None]:
+    """Return the windows of masks of images of this width; None for those beyond this many pixels."""
     counts = runs.bounds[1:] - runs.bounds[:-1]
     some = counts.nonzero()[0]
     begins, counts_of_some = runs.bounds[some], counts[some]
@@ -133,13 +166,13 @@ def _windows(runs: Runs, width: int, margin: int, room: int, too_large: str) -> 
     places = zip(*(each[:fit].tolist() for each in (tops, lefts - borders, highs, wides, stops)), strict=True)
     for count in counts.tolist():
         if not count:
-            yield Window(0, 0, np.zeros((0, 0), np.bool_))
+            yield _Drawn(0, 0, np.zeros((0, 0), np.bool_))
             continue
         if (place := next(places, None)) is None:
-            yield MaskError(too_large)
+            yield None
             continue
         top, left, high, wide, stop = place
-        yield Window(top, left, np.ascontiguousarray(pixels[stop - high * wide : stop].reshape(wide, high).T))
+        yield _Drawn(top, left, pixels[stop - high * wide : stop].reshape(wide, high))
 
 
 def _drawn(starts: Integers, stops: Integers, size: int) -> Bools:
@@ -152,15 +185,16 @@ def _drawn(starts: Integers, stops: Integers, size: int) -> Bools:
 
 
 def eroded(window: Window, pixels: int) -> Window:
-    """Return the mask without what is within `pixels` of its edge, in the same window."""
+    """Return the mask without what is within `pixels` of the image of its edge, in the same window."""
     if not (pixels and window.pixels.size):
         return window
-    inner = cv2.erode(window.pixels.view(np.uint8), _square(pixels), borderType=cv2.BORDER_CONSTANT, borderValue=0)
-    return Window(window.top, window.left, inner.view(np.bool_))
+    square = _square(math.ceil(pixels / window.step))
+    inner = cv2.erode(window.pixels.view(np.uint8), square, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    return Window(window.top, window.left, inner.view(np.bool_), window.step)
 
 
 def surroundings(window: Window, pixels: int) -> Bools:
-    """Return which pixels of the window are within `pixels` of the mask, but not of it."""
+    """Return which pixels of the window are within `pixels` of the window of the mask, but not of it."""
     if not window.pixels.size:
         return window.pixels
     grown = cv2.dilate(window.pixels.view(np.uint8), _square(pixels))

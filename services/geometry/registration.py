@@ -6,11 +6,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.geometry.camera import MAX_PIXELS, CameraModel
+from services.geometry.camera import CameraModel
 from services.geometry.errors import CalibrationError
 
 Floats = NDArray[np.float32]
 Numbers = NDArray[np.float64]
+
+MAX_PIXELS: Final = 1 << 24
+"""Maximum number of pixels of the image that depth is registered to."""
 
 MAX_SPLAT: Final = 8
 """Maximum number of pixels of the other image, across and down, that one reading covers."""
@@ -50,7 +53,7 @@ class Registration:
             raise CalibrationError(f"{color.width}x{color.height} pixels, depth is registered to {MAX_PIXELS} at most")
         self._depth = depth
         self._color = color
-        x, y = depth.rays(depth.height, depth.width)
+        x, y = depth.rays()
         self._directions = [row[0] * x + row[1] * y + row[2] for row in color_from_depth[:3, :3].astype(np.float32)]
         self._offset = [float(number) for number in color_from_depth[:3, 3]]
         self._splat = _splat(color.fx / depth.fx), _splat(color.fy / depth.fy)

@@ -206,6 +206,24 @@ def test_only_so_many_pixels_of_an_images_masks_are_measured() -> None:
     assert measured[fitting].unknown == "the masks in one image cover over 33 million pixels together"
 
 
+def test_a_large_mask_is_measured_at_every_nth_row_and_column(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    depth = wall(4.0)
+    depth[ROWS, COLUMNS] = 2.0 + rng.normal(0, 0.01, (20, 30))
+    depth[ROWS, 30:35] = NAN
+    objects = found(mask(ROWS, COLUMNS), mask(slice(0, 4), slice(0, 4)))
+    whole, tiny = measure(objects, view(depth), Criteria(edge=1))
+    monkeypatch.setattr("services.distance.measuring.AT_ONCE", 200)
+    thin, same = measure(objects, view(depth), Criteria(edge=1))
+    assert tiny == same
+    assert thin.valid_share == pytest.approx(whole.valid_share, abs=0.05)
+    assert known(thin).axial_m == pytest.approx(known(whole).axial_m, abs=0.005)
+    assert known(thin).spread_m == pytest.approx(known(whole).spread_m, abs=0.005)
+    assert known(thin).places[0].at == pytest.approx(known(whole).places[0].at, abs=0.05)
+    nowhere = measure(found(mask(ROWS, COLUMNS)), view(np.full_like(depth, NAN)), Criteria())[0]
+    assert nowhere.unknown == "0 of its 640 pixels have a reading, 30 are needed"  # 40 that each stand for 16
+
+
 def test_nothing_in_view() -> None:
     assert measure([], view(wall()), Criteria()) == []
 

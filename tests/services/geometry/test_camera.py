@@ -41,17 +41,27 @@ def test_what_is_not_before_the_camera_has_no_pixel() -> None:
 
 def test_rays_are_those_of_the_pixels_and_made_once() -> None:
     seen = camera(lens=LENSES["plumb_bob"])
-    rays = seen.rays(48, 64)
+    rays = seen.rays()
     assert rays.shape == (2, 48, 64)
     assert rays[:, 7, 9] == pytest.approx(seen.undistort([[9, 7]])[0], abs=1e-6)
-    assert seen.rays(48, 64) is rays
+    assert seen.rays() is rays
     with pytest.raises(ValueError, match="read-only"):
         rays[0, 0, 0] = 1
 
 
+def test_rays_of_single_pixels_are_the_same_whether_or_not_all_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = camera(lens=LENSES["plumb_bob"])
+    pixels = np.array([[0, 7 * 64 + 9], [48 * 64 - 1, 100]])
+    kept = seen.rays_of(pixels)
+    monkeypatch.setattr("services.geometry.camera.KEPT_PIXELS", 48 * 64 - 1)
+    large = camera(lens=LENSES["plumb_bob"])
+    assert np.array_equal(kept, large.rays_of(pixels))
+    assert np.array_equal(kept, large.rays().reshape(2, -1)[:, pixels])
+
+
 def test_pictures_of_another_size_are_not_this_cameras() -> None:
     with pytest.raises(CalibrationError, match="calibrated for 64x48 pixels, the image has 32x24"):
-        camera().rays(24, 32)
+        camera().check_size(24, 32)
 
 
 def test_a_region_and_binning_are_what_the_picture_is_cut_and_shrunk_to() -> None:
@@ -80,4 +90,4 @@ def test_a_camera_that_is_not_calibrated(k: list[float], reason: str) -> None:
 def test_a_picture_too_large_to_place() -> None:
     vast = CameraModel.of(info(height=2**31, width=2**31))
     with pytest.raises(CalibrationError, match="at most"):
-        vast.rays(2**31, 2**31)
+        vast.rays()

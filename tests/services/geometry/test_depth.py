@@ -106,5 +106,6 @@ def test_metres_are_those_of_the_place_that_is_asked_for() -> None:
         assert image.shape == (2, 3)
         assert same(image.metres((slice(1, 2), slice(0, 2))), [[65.535, 0.5]])
         assert image.metres((slice(0, 0), slice(0, 0))).shape == (0, 0)
+        assert np.array_equal(image.metres_of(np.array([[4, 3], [2, 9]])), image.metres().reshape(-1)[[[4, 3], [2, 5]]])
     already = np.ones((2, 2), np.float32)
     assert Depth(already).metres().tolist() == already.tolist()

@@ -37,7 +37,7 @@ def test_a_blob_has_no_rows_to_spare() -> None:
     pixels[4:9, 6:10] = True
     window = decode(coco_mask(pixels))
     assert (window.top, window.left, window.pixels.shape) == (4, 6, (5, 4))
-    assert window.place == (slice(4, 9), slice(6, 10))
+    assert window.place == (slice(4, 9, 1), slice(6, 10, 1))
 
 
 def test_a_mask_without_pixels_is_an_empty_window() -> None:
@@ -110,6 +110,21 @@ def test_a_margin_ends_at_the_images_border() -> None:
     window = decode(coco_mask(pixels), margin=2)
     assert (window.top, window.left, window.pixels.shape) == (0, 3, (4, 5))
     assert np.array_equal(window.pixels, pixels[:4, 3:])
+
+
+def test_a_large_window_keeps_every_nth_row_and_column_and_a_margin_of_these() -> None:
+    pixels = np.zeros((60, 90), np.bool_)
+    pixels[20:40, 30:80:2] = True
+    small = np.zeros_like(pixels)
+    small[3:5, 3:5] = True
+    large, whole_one = decode_all([coco_mask(pixels), coco_mask(small)], margin=2, each=400)
+    assert isinstance(large, Window)
+    assert large.step == 3  # a window of 36 x 65 pixels with its margin of 8
+    assert np.array_equal(pixels[large.place], large.pixels)
+    assert large.pixels.size <= 400
+    assert isinstance(whole_one, Window)
+    assert (whole_one.step, whole_one.area) == (1, 4)
+    assert np.array_equal(eroded(large, 3).pixels, eroded(Window(0, 0, large.pixels), 1).pixels)
 
 
 def all_of(height: int, width: int) -> Mask:
