@@ -10,7 +10,7 @@ JOBS ?= 4
 export PYTHONDONTWRITEBYTECODE =
 SUMS = cd dist && rm -f SHA256SUMS && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
 
-.PHONY: demo test intended lint types compiled tests again ros postgresql chromium nginx containers prometheus helm custom-kinds screenshots bench fuzz dist bundle clean help
+.PHONY: demo test intended lint types compiled tests again debian ros postgresql chromium nginx containers prometheus helm custom-kinds screenshots bench fuzz dist bundle clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -18,9 +18,15 @@ help:  ## list the targets
 demo: .venv/.demo  ## run a simulated fleet and watch it (SECONDS=30 stops by itself, ROBOTS=3)
 	@exec $(BIN)/fleetsight demo --robots $(ROBOTS) $(if $(SECONDS),--seconds $(SECONDS))
 
-test: intended .venv/.test ros postgresql chromium nginx containers prometheus helm custom-kinds lint  ## install what the tests need and run every check
+test: intended .venv/bin/python  ## install what the tests need and run every check
+	@$(MAKE) --no-print-directory -j 2 .venv/.test debian
+	@$(MAKE) --no-print-directory helm custom-kinds lint
 	@$(MAKE) --no-print-directory -j 2 types compiled
 	@$(MAKE) --no-print-directory tests
+
+# One after the other, as Debian's package manager has it: beside it, pip fills .venv.
+debian:
+	@for each in ros postgresql chromium nginx containers prometheus; do tests/install/$$each.sh || exit; done
 
 intended:
 	@echo "[test] installs what the tests need (up to 5 minutes the first time), checks format, lint and types, and runs"
@@ -96,6 +102,9 @@ bundle: .venv/.dist  ## make a folder that runs the gateway beside any Python, a
 
 clean:  ## remove the virtual environment and caches
 	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+
+.venv/bin/python:
+	@deploy/venv.sh
 
 .venv/.%: pyproject.toml constraints.txt
 	@deploy/venv.sh $*

@@ -1,7 +1,8 @@
 """What a release says of itself: `python deploy/release.py dist`, which `make dist` runs.
 
-Writes into the folder: NOTES.md, this version's part of CHANGELOG.md; images.json, the Containerfile's targets; and
-sbom-TARGET.cdx.json, a bill of materials (CycloneDX) of each image with fleetsight in it.
+Writes into the folder: NOTES.md, this version's part of CHANGELOG.md; images.json, the Containerfile's targets; and of
+each image with fleetsight in it sbom-TARGET.cdx.json, a bill of materials (CycloneDX), and requirements-TARGET.txt, its
+packages for pip with the hashes of all files that the package index has of them.
 """
 
 import json
@@ -108,7 +109,25 @@ def bill_of_materials(target: Path, packages: Mapping[str, str]) -> None:
     """Write a CycloneDX file of packages and their versions."""
     command = ("cyclonedx_py", "requirements", "--pyproject", str(ROOT / "pyproject.toml"), "--short-PURLs")
     pins = "".join(f"{name}=={version}\n" for name, version in packages.items())
-    _output(sys.executable, "-m", *command, "--output-reproducible", "-o", str(target), "-", given=pins)
+    options = (
+        "--output-reproducible",
+        "--no-validate",
+    )  # `make dist` has that of all packages validated, which is slow
+    _output(sys.executable, "-m", *command, *options, "-o", str(target), "-", given=pins)
+
+
+def hashed(packages: Mapping[str, str]) -> dict[str, str]:
+    """Return a line of pip's requirements for each package: its version, and the hashes of its files, by name.
+
+    Raises:
+        RuntimeError: the package index cannot be had, or has no such version.
+    """
+    command = ("uv", "pip", "compile", "--quiet", "--no-config", "--native-tls", "--no-deps", "--generate-hashes")
+    pins = "".join(f"{name}=={version}\n" for name, version in packages.items())
+    plain = ("--no-header", "--no-annotate", "--no-emit-index-url", "--no-emit-find-links")
+    told = _output(sys.executable, "-m", *command, *plain, "-", given=pins)
+    lines = re.findall(r"^(\S+)==((?:.*\\\n)*.*\n)", told, re.MULTILINE)
+    return {canonicalize_name(name): f"{name}=={rest}" for name, rest in lines}
 
 
 def is_released(version: str, changelog: str) -> bool:
@@ -177,13 +196,16 @@ def main(folder: Path) -> None:
     (revision,) = _git("rev-parse", "HEAD")
     (folder / "NOTES.md").write_text(notes(changelog, version), encoding="utf-8")
     found = images((ROOT / "deploy" / "Containerfile").read_text(encoding="utf-8"))
+    packages = {target: needed(extras) for target, extras in found.items() if extras}
+    everything = {name: version.partition("+")[0] for each in packages.values() for name, version in each.items()}
+    check_pins((ROOT / "constraints.txt").read_text(encoding="utf-8"), everything)
+    lines = hashed(everything)
     listed = []
     for target, extras in found.items():
         image, bill = f"localhost/fleetsight-{target}", f"sbom-{target}.cdx.json"
         if extras:
-            packages = needed(extras)
-            check_pins((ROOT / "constraints.txt").read_text(encoding="utf-8"), packages)
-            bill_of_materials(folder / bill, packages)
+            bill_of_materials(folder / bill, packages[target])
+            (folder / f"requirements-{target}.txt").write_text("".join(lines[name] for name in packages[target]))
         here = built(image, version, revision)
         listed.append({"target": target, "image": image, "extras": extras, "sbom": extras and bill, "built": here})
     described = json.dumps({"version": version, "revision": revision, "images": listed}, indent=2)

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Make .venv in the checkout, or reuse it, and install fleetsight with the extra named by the argument.
+# Make .venv in the checkout, or reuse it, and install fleetsight with the extra named by the argument, if there is one.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-extra=$1
+extra=${1:-}
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 
@@ -71,6 +71,7 @@ if ! [ -x .venv/bin/python ]; then
         make_venv "$python" || { tail -n 20 "$log" >&2; fail "could not make .venv"; }
     fi
 fi
+[ -n "$extra" ] || exit 0
 # pip that is interrupted leaves what it has fetched, and /tmp may be too small for it.
 scratch=$(mktemp -d "$PWD/.venv/setup.XXXXXX")
 trap 'rm -rf "$log" "$scratch"' EXIT
@@ -80,8 +81,9 @@ case $extra in
 demo | dist) size="under 1 GB" ;;
 *) size="PyTorch alone is some GB" ;;
 esac
+# Compiled is what is used, when it is: of PyTorch and what it brings, a small part.
 if ! with_progress "installing fleetsight[$extra] ($size)" \
-    .venv/bin/python -m pip install --progress-bar off --editable ".[$extra]"; then
+    .venv/bin/python -m pip install --progress-bar off --no-compile --editable ".[$extra]"; then
     tail -n 20 "$log" >&2
     fail "could not install fleetsight[$extra]"
 fi

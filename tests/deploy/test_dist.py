@@ -119,12 +119,38 @@ def packages(bill: Path) -> dict[str, str]:
     return {each["name"]: each["version"] for each in json.loads(bill.read_text())["components"]}
 
 
+HASHED = ("--no-deps", "--require-hashes", "--requirement")
+
+
+@pytest.mark.timeout(600)
+def test_each_image_has_its_packages_with_hashes_and_no_address(dist: Path) -> None:
+    for bill in dist.glob("sbom-*"):
+        text = (dist / f"requirements-{bill.name.removeprefix('sbom-').removesuffix('.cdx.json')}.txt").read_text()
+        hashed = dict(re.findall(r"^(\S+)==(\S+) \\\n    --hash=sha256:[0-9a-f]{64}", text, re.MULTILINE))
+        assert hashed == {name: version.partition("+")[0] for name, version in packages(bill).items()}
+        assert "://" not in text
+
+
+@pytest.mark.timeout(600)
+def test_a_package_that_is_not_what_was_released_is_not_installed(dist: Path, tmp_path: Path) -> None:
+    text = (dist / "requirements-gateway.txt").read_text()
+    of_one = re.search(r"^msgspec==.*\n(?:    --hash.*\n)+", text, re.MULTILINE)
+    assert of_one is not None
+    changed = tmp_path / "changed.txt"
+    changed.write_text(re.sub("sha256:.", lambda found: "sha256:" + "10"[found[0][-1] == "1"], of_one[0]))
+    run(sys.executable, "-m", "venv", str(tmp_path / "venv"))
+    with pytest.raises(AssertionError, match=r"Got +[0-9a-f]{64}"):
+        run(str(tmp_path / "venv/bin/python"), "-m", "pip", "install", "--no-cache-dir", *HASHED, str(changed))
+
+
 @pytest.mark.timeout(600)
 def test_the_wheel_installs_and_starts_without_a_checkout(dist: Path, tmp_path: Path) -> None:
     (wheel,) = dist.glob("*.whl")
     run(sys.executable, "-m", "venv", str(tmp_path / "venv"))
     python = str(tmp_path / "venv/bin/python")
-    run(python, "-m", "pip", "install", "--quiet", "--constraint", str(dist / "constraints.txt"), str(wheel))
+    run(python, "-m", "pip", "install", "--quiet", *HASHED, str(dist / "requirements-gateway.txt"))
+    run(python, "-m", "pip", "install", "--quiet", "--no-deps", str(wheel))
+    run(python, "-m", "pip", "check")
     assert run(str(tmp_path / "venv/bin/fleetsight"), "--version", folder=tmp_path).startswith("fleetsight ")
     listed = run(python, "-m", "zipfile", "--list", str(wheel))
     assert all(f"services/detector/weights/warehouse-n-seg.{form}" in listed for form in ("pt", "onnx"))
