@@ -20,6 +20,11 @@ Index = Annotated[int, msgspec.Meta(ge=0, lt=MAX_DETECTIONS)]
 TrackNumber = Annotated[int, msgspec.Meta(ge=0, lt=2**53)]
 ClassNumber = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 
+MAX_KEYPOINTS: Final = 256
+
+IN_VIEW: Final = 0.5
+"""Score from which on a keypoint counts as in view."""
+
 Edge = Annotated[float, msgspec.Meta(ge=0, le=MAX_SIDE)]
 
 
@@ -44,15 +49,43 @@ class Mask(msgspec.Struct, frozen=True):
     quality: Annotated[float, msgspec.Meta(ge=0, le=1)] | None = None
 
 
+Anywhere = Annotated[float, msgspec.Meta(ge=-MAX_SIDE, le=2 * MAX_SIDE)]
+
+
+class RotatedBox(msgspec.Struct, frozen=True):
+    """A rectangle that is turned, in pixels of the image, beyond whose borders it may reach.
+
+    x, y: its middle. width, height: of its sides. angle: from the image's x axis to the side that `width` is of, in
+    radians, clockwise as seen. The same as Ultralytics' `xywhr`.
+    """
+
+    x: Anywhere
+    y: Anywhere
+    width: Annotated[float, msgspec.Meta(ge=0, le=2 * MAX_SIDE)]
+    height: Annotated[float, msgspec.Meta(ge=0, le=2 * MAX_SIDE)]
+    angle: Annotated[float, msgspec.Meta(ge=-7, le=7)]
+
+
+class Keypoint(msgspec.Struct, frozen=True, gc=False):
+    """One of an object's keypoints in pixels of the image; score: how sure the model is that it is in view, 0 to 1."""
+
+    x: Edge
+    y: Edge
+    score: Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
 class Detection(msgspec.Struct, frozen=True, kw_only=True):
     """One object.
 
     score: confidence, 0 to 1. label: the model's own number of the class.
+    box: of a rotated box, the upright one around what of it is in the image; of a class of the whole image, all of it.
     mask: absent when the model does not segment, when nobody wanted masks as the frame went to the model, and of an
     object that the model for masks did not find.
     track: equal in the frames of a camera that show the same object; no two objects ever share one, whatever
     their camera. Its lowest TRACK_COUNT_BITS bits count from 1. Absent while nothing is tracked, and of an object that
     has not been seen often or surely enough to be followed.
+    rotated: of a model for rotated boxes, whose masks they are. keypoints: of a model for poses, as many and in the
+    order that it was trained with, mostly COCO's 17 of people; masks then are drawn along them.
     """
 
     name: Label
@@ -61,6 +94,8 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True):
     mask: Mask | None = None
     label: ClassNumber = 0
     track: TrackNumber | None = None
+    rotated: RotatedBox | None = None
+    keypoints: Annotated[list[Keypoint], msgspec.Meta(max_length=MAX_KEYPOINTS)] | None = None
 
 
 class Detections(msgspec.Struct, frozen=True, kw_only=True):

@@ -4,7 +4,7 @@ from typing import Annotated, Final
 
 import msgspec
 
-from schemas.detections import MAX_DETECTIONS, Index
+from schemas.detections import MAX_DETECTIONS, MAX_KEYPOINTS, Index
 from schemas.errors import SchemaError
 from schemas.header import Count, Header, Label, Spans
 from schemas.space import Coordinate, Distance, Length, Share, Vector
@@ -15,12 +15,14 @@ MAX_PLACES: Final = 4
 class Place(msgspec.Struct, frozen=True, kw_only=True):
     """The position of an object in one frame of reference at the header's stamp.
 
-    at: metres; absent where that is not known, and then `unknown` says why.
+    at: metres; absent where that is not known, and then `unknown` says why. keypoints: the same of each of its
+    detection's keypoints, None of those that are not in view or have no reading near the object's; none without `at`.
     """
 
     frame_id: Label
     at: Vector | None = None
     unknown: Label = ""
+    keypoints: Annotated[list[Vector | None], msgspec.Meta(max_length=MAX_KEYPOINTS)] = []
 
     def __post_init__(self) -> None:
         """Check that the place is either known or unknown.

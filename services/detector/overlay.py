@@ -12,10 +12,11 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from schemas.compression import JPEG
-from schemas.detections import TRACK_COUNT_BITS, Detection, Detections
+from schemas.detections import IN_VIEW, TRACK_COUNT_BITS, Detection, Detections
 from schemas.header import Header
 from schemas.image import ImageFrame
 from services.detector.pixels import to_bgr
+from services.detector.runtime.object_shapes import corners_of, shown_limbs
 from services.geometry.masks import Window, decode_all
 
 Picture = NDArray[np.uint8]
@@ -103,9 +104,20 @@ class _Sign:
         return cls(found, color, line, _written(caption(found), color, line))
 
     def frame(self, drawn: Picture) -> None:
-        """Draw the box."""
-        left, top, right, bottom = self._corners(*drawn.shape[:2])
-        cv2.rectangle(drawn, (left, top), (right, bottom), self.color, self.line)
+        """Draw the box, upright or rotated, and keypoints in it."""
+        if self.found.rotated is not None:
+            corners = np.rint(corners_of(self.found.rotated)).astype(np.int32)
+            cv2.polylines(drawn, [corners], isClosed=True, color=self.color, thickness=self.line)
+        else:
+            left, top, right, bottom = self._corners(*drawn.shape[:2])
+            cv2.rectangle(drawn, (left, top), (right, bottom), self.color, self.line)
+        points = self.found.keypoints or ()
+        for one, other in shown_limbs(points):
+            begin, end = ((int(each.x), int(each.y)) for each in (points[one], points[other]))
+            cv2.line(drawn, begin, end, self.color, self.line)
+        for each in points:
+            if each.score >= IN_VIEW:
+                cv2.circle(drawn, (int(each.x), int(each.y)), self.line + 1, WHITE, cv2.FILLED)
 
     def write(self, drawn: Picture) -> None:
         """Draw the caption at the box, always inside the image."""

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.detections import Detection
+from schemas.detections import IN_VIEW, Detection, Keypoint
 from schemas.distances import Measured, ObjectDistance, Place
 from schemas.header import MAX_LABEL
 from schemas.space import MAX_COORDINATE_M, MAX_DISTANCE_M
@@ -29,6 +29,13 @@ AT_ONCE: Final = 1 << 21
 
 _NOISE: Final = 0.01
 """Share of an object's readings that may be nearer than its reported nearest point."""
+
+_PATCH: Final = np.array([(x, y) for y in range(-2, 3) for x in range(-2, 3)]).T
+"""Pixels around a keypoint that are looked at: columns and rows from its own."""
+
+_SURFACE_M: Final = 0.1
+_REACH_M: Final = 1.5
+"""How far from an object's distance its keypoints may be: an arm, a fork."""
 
 _NOWHERE: Final = "the camera's distortion model gives its pixels no direction"
 _SIGMA: Final = 1.4826
@@ -67,7 +74,49 @@ def measure(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -
     measured: dict[int, ObjectDistance] = {}
     for windows in groups(objects, measured):
         measured.update((each.index, each) for each in _measured(objects, windows, view, criteria))
-    return [measured[index] for index in range(len(objects))]
+    return [_with_keypoints(measured[index], found, view) for index, found in enumerate(objects)]
+
+
+def _with_keypoints(measured: ObjectDistance, found: Detection, view: DepthView) -> ObjectDistance:
+    """Return an object's distance with the places of its keypoints, if it has these."""
+    if not found.keypoints or measured.measured is None or isinstance(view.camera, str):
+        return measured
+    places = measured.measured.places
+    points = _keypoints(found.keypoints, measured.measured.axial_m, view.depth, view.camera)
+    seen = np.isfinite(points).all(axis=1)
+    moves = [np.identity(4), *(frame.from_camera for frame in view.frames)]
+    located = [
+        place
+        if place.at is None or isinstance(move, str)
+        else msgspec.structs.replace(place, keypoints=_vectors(moved(move, points), seen))
+        for place, move in zip(places, moves, strict=True)
+    ]
+    return msgspec.structs.replace(measured, measured=msgspec.structs.replace(measured.measured, places=located))
+
+
+def _keypoints(keypoints: Sequence[Keypoint], axial_m: float, depth: Depth, camera: CameraModel) -> NDArray[Any]:
+    """Return the points of keypoints in the camera's frame, (n, 3); NaN where one is not in view, or not the object's.
+
+    Of the pixels around one, those on the nearest surface count: a hand before a wall is the hand.
+    """
+    height, width = depth.shape
+    columns, rows = (
+        np.minimum(np.array([getattr(each, axis) for each in keypoints]).astype(np.intp), size - 1)
+        for axis, size in (("x", width), ("y", height))
+    )
+    around = np.clip(columns[:, None] + _PATCH[0], 0, width - 1), np.clip(rows[:, None] + _PATCH[1], 0, height - 1)
+    z = depth.metres_of(around[1] * width + around[0])
+    z = np.where(np.abs(z - axial_m) <= _REACH_M, z, np.inf)
+    on_surface = z <= z.min(axis=1, keepdims=True) + _SURFACE_M
+    known = np.array([each.score >= IN_VIEW for each in keypoints]) & np.isfinite(z).any(axis=1)
+    middle = np.where(known, _medians(z, on_surface & np.isfinite(z)), np.nan)
+    x, y = camera.rays_of(rows * width + columns)
+    return np.stack([x * middle, y * middle, middle], axis=1)
+
+
+def _vectors(points: NDArray[Any], seen: NDArray[np.bool_]) -> list[tuple[float, float, float] | None]:
+    near = seen & (np.abs(np.nan_to_num(points)) <= MAX_COORDINATE_M).all(axis=1)
+    return [(x, y, z) if known else None for (x, y, z), known in zip(points.tolist(), near.tolist(), strict=True)]
 
 
 def measure_apart(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -> list[ObjectDistance]:

@@ -41,7 +41,7 @@ def running_export(
 
     def make(runtime: Runtime) -> Engine:
         made = _made(runtime, model.file, threads, gpu)
-        prove(made, blank, model.names, model.stride, model.head)
+        prove(made, blank, model.names, model.stride, head=model.head, task=model.task)
         return made
 
     if len(candidates) == 1:

@@ -15,14 +15,15 @@ import yaml
 from services.detector.model import ModelError, first_line
 from services.detector.runtime.model_file import (
     COLOURS,
+    HEADS,
     ONNX_SUFFIX,
-    SEGMENT,
-    TASKS,
+    Head,
     ModelFile,
     NamesError,
+    TaskError,
     class_names,
+    task_of,
 )
-from services.detector.runtime.postprocess import HEADS, Head
 from services.whole_file import is_everybodys
 
 log = logging.getLogger(__name__)
@@ -90,7 +91,7 @@ def read_exported(
         file = path if path.suffix.lower() == ONNX_SUFFIX else _xml_in(path)
         metadata, shape = _of_onnx(file) if file == path else _of_openvino(path, file)
         found = _described(path, file, metadata, shape, refine=refine)
-    except (NamesError, _ExportError) as error:
+    except (NamesError, TaskError, _ExportError) as error:
         raise ModelError(f"{what}: {error}") from error
     except ModelError:
         raise
@@ -128,7 +129,7 @@ def _of_onnx(file: Path) -> tuple[Mapping[str, Any], Shape]:
     content = file.read_bytes()  # of a path it takes texts alone
     session = onnxruntime.InferenceSession(content, alone(options), providers=["CPUExecutionProvider"])
     told = dict(session.get_modelmeta().custom_metadata_map)
-    for name in told.keys() & {"names", "imgsz"}:
+    for name in told.keys() & {"names", "imgsz", "kpt_shape"}:
         try:
             told[name] = ast.literal_eval(told[name])
         except (ValueError, SyntaxError, MemoryError, RecursionError) as error:
@@ -157,9 +158,7 @@ def _of_openvino(folder: Path, file: Path) -> tuple[Mapping[str, Any], Shape]:
 def _described(path: Path, file: Path, told: Mapping[str, Any], shape: Shape, *, refine: bool) -> ExportedModel:
     if missing := [name for name in ("task", "names", "stride", "imgsz") if name not in told]:
         raise _ExportError(f"it does not say its {', '.join(missing)}: {CURE}")
-    task = str(told["task"])
-    if task not in TASKS:
-        raise _ExportError(f"a model for {task!r}, not for one of {', '.join(TASKS)}")
+    task = task_of(str(told["task"]), told.get("kpt_shape"))
     images, channels, height, width = shape
     if channels != COLOURS:
         raise _ExportError(f"it is for images of {channels} channels, and cameras have {COLOURS}: train it on RGB")
@@ -176,7 +175,7 @@ def _described(path: Path, file: Path, told: Mapping[str, Any], shape: Shape, *,
         path=path,
         digest=_digest(file),
         names=class_names(told["names"]),
-        segments=task == SEGMENT,
+        task=task,
         longest=max(fixed or map(int, sides)),
         stride=max(32, stride),
         head=_head(told),

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from services.detector.model import ModelError, first_line
 from services.detector.runtime.engine import BATCH_ON_GPU
-from services.detector.runtime.postprocess import Head
+from services.detector.runtime.model_file import Head
 from services.whole_file import FOLDER_MODE, NotOursError, check_ours, keep_others_out
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def _made(copy: Path, weights: "Weights", kind: str, device: str, longest: int) 
     from ultralytics.models import YOLO  # noqa: PLC0415 - the checkpoint's own module stays as it is
 
     from services.detector.runtime.checkpoint import exact_names  # noqa: PLC0415 - as above
-    from services.detector.runtime.nms_branches import keep_branch  # noqa: PLC0415 - it is heavy too
+    from services.detector.runtime.weights import keep_branch  # noqa: PLC0415 - it is heavy too
 
     threads = torch.get_num_threads()
     try:

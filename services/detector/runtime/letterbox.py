@@ -15,7 +15,8 @@ PADDING: Final = 114
 class Axis:
     """One axis of the image and of the model's input, in pixels.
 
-    image: size of the image; content: size it is scaled to; before: padding in front of it; input: size of all of it.
+    image: size of the image; content: size it is scaled to; before: padding in front of it, or, negative, what is cut
+    off there; input: size of all of it.
     """
 
     image: int
@@ -25,8 +26,11 @@ class Axis:
 
     def to_image(self, places: NDArray[np.float32]) -> NDArray[np.float32]:
         """Map coordinates of the input to the image, clipped to its borders."""
-        inside = (places - np.float32(self.before)) * np.float32(self.image / self.content)
-        return np.asarray(np.clip(inside, 0, self.image), np.float32)
+        return np.asarray(np.clip(self.beyond(places), 0, self.image), np.float32)
+
+    def beyond(self, places: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Map coordinates of the input to the image and beyond its borders."""
+        return np.asarray((places - np.float32(self.before)) * np.float32(self.image / self.content), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +68,16 @@ class Letterbox:
         scale = min(longest / height, longest / width)
         return cls(_axis(height, scale, stride), _axis(width, scale, stride))
 
+    @classmethod
+    def crop(cls, height: int, width: int, size: tuple[int, int]) -> "Letterbox":
+        """Scale an image to cover an input of `size`, height and width, and cut off what is beyond: for classifying."""
+        scale = max(size[0] / height, size[1] / width)
+        rows, columns = (
+            Axis(image, content := max(int(image * scale), side), -round((content - side) / 2), side)
+            for image, side in zip((height, width), size, strict=True)
+        )
+        return cls(rows, columns)
+
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width of the model's input."""
@@ -74,6 +88,11 @@ class Letterbox:
         rows, columns = self.rows, self.columns
         if bgr.shape[:2] != (rows.content, columns.content):
             bgr = np.asarray(cv2.resize(bgr, (columns.content, rows.content), interpolation=cv2.INTER_LINEAR), np.uint8)
+        if rows.content > rows.input or columns.content > columns.input:
+            top, left = -rows.before, -columns.before
+            bgr = bgr[top : top + rows.input, left : left + columns.input]
+            cv2.cvtColor(np.ascontiguousarray(bgr), cv2.COLOR_BGR2RGB, dst=out)
+            return
         if (rows.content, columns.content) == self.shape:
             cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB, dst=out)
             return

@@ -37,7 +37,7 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
     if settings.detection_model is None:
         _check_new_names(settings, read)
         return _ready(read, settings, folder)
-    if not read.file.segments:
+    if not read.file.task.has_masks:
         raise ModelError(f"{read.what}: it has no masks, which --detection-model needs it for")
     boxes = {"model": settings.detection_model, "refine": False}
     read_boxes = _read(settings.model_copy(update=boxes), folder, "--detection-model")
@@ -183,7 +183,7 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
         raise ModelError(f"{read.what}: trained at {longest} pixels, not at {LEAST_SIDE} to {MOST_SIDE}: --image-size?")
     fixed = file.fixed if isinstance(file, ExportedModel) else None
     facts = Facts(
-        printable(file.path.name), settings.runtime, read.names, file.segments, longest, file.stride, file.head, fixed
+        printable(file.path.name), settings.runtime, read.names, file.task, longest, file.stride, file.head, fixed
     )
     cv2.setNumThreads(1)  # what it would share among threads is smaller than the sharing
     try:

@@ -4,18 +4,83 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal, get_args
 
-from services.detector.runtime.postprocess import Head
+from schemas.detections import MAX_KEYPOINTS
 from services.detector.settings import is_openvino_folder
 
-SEGMENT: Final = "segment"
-TASKS: Final = (SEGMENT, "detect")
+Head = Literal["nms", "nms-free", "rt-detr"]
+"""How objects are read off an output. nms: overlapping boxes are taken for one object. nms-free: each box is one, and
+has every class that is sure enough. rt-detr: boxes are shares of a stretched image, and each is one object."""
+
+HEADS: Final[tuple[Head, ...]] = get_args(Head)
+
+Kind = Literal["segment", "detect", "pose", "obb", "classify"]
+"""What Ultralytics calls a model's task."""
+
+KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 COLOURS: Final = 3
 """Channels of a camera's image."""
 
 ONNX_SUFFIX: Final = ".onnx"
 EXPORTS: Final = "an ONNX file or a folder of OpenVINO's"
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A model's task. keypoints: of each object, of a model for poses; has_scores: each has a score of its own."""
+
+    kind: Kind = "detect"
+    keypoints: int = 0
+    has_scores: bool = True
+
+    @property
+    def title(self) -> str:
+        """What the model does, for people."""
+        return _TITLES[self.kind]
+
+    @property
+    def has_masks(self) -> bool:
+        """Whether objects get masks: a model's own, or drawn from rotated boxes or keypoints."""
+        return self.kind in {"segment", "obb", "pose"}
+
+    @property
+    def extras(self) -> int:
+        """Numbers of each object beside its box and its classes, mask coefficients apart."""
+        return 1 if self.kind == "obb" else self.keypoints * (3 if self.has_scores else 2)
+
+
+_TITLES: Final[Mapping[Kind, str]] = {
+    "segment": "segmentation",
+    "detect": "detection",
+    "pose": "poses",
+    "obb": "rotated boxes",
+    "classify": "classification",
+}
+
+
+class TaskError(ValueError):
+    """The task is none that finds anything in an image; the message says why."""
+
+
+def task_of(kind: Any, keypoints: Any = None) -> Task:
+    """Return the task as a model's file has it. keypoints: their number, and how many numbers each has.
+
+    Raises:
+        TaskError: it is unknown here.
+    """
+    known = next((each for each in KINDS if each == kind), None)
+    if known is None:
+        raise TaskError(f"a model for {kind!r}, not for one of {', '.join(KINDS)}")
+    if known != "pose":
+        return Task(known)
+    try:
+        count, numbers = map(int, keypoints)
+    except (TypeError, ValueError):
+        count, numbers = 0, 0
+    if not 1 <= count <= MAX_KEYPOINTS or numbers not in (2, 3):
+        raise TaskError(f"its keypoints are {keypoints}, not 1 to {MAX_KEYPOINTS} of 2 or 3 numbers each")
+    return Task(known, count, has_scores=numbers == 3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +95,7 @@ class ModelFile:
     path: Path
     digest: str
     names: Mapping[int, str]
-    segments: bool
+    task: Task
     longest: int
     stride: int
     head: Head = "nms"

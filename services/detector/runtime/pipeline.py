@@ -23,16 +23,27 @@ from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import Engine, OutOfMemoryError
 from services.detector.runtime.letterbox import Letterbox
+from services.detector.runtime.model_file import Head, Task
 from services.detector.runtime.overlap import difference
-from services.detector.runtime.postprocess import Head, Output, OutputError, objects
+from services.detector.runtime.postprocess import Output, OutputError, objects
 from services.detector.runtime.refinement.refiner import CloseUps, Refined, Refiner, close_ups
 
 ANYTHING: Final = Criteria(confidence=0, max_detections=1)
 """However unsure: every number of the output is looked at."""
 
+DETECTION: Final = Task()
 
-def prove(engine: Engine, blank: NDArray[np.uint8], names: Mapping[int, str], stride: int, head: Head = "nms") -> None:
-    """Compute an empty image, 1 x height x width x RGB, and read it like any other; names, stride, head: the model's.
+
+def prove(
+    engine: Engine,
+    blank: NDArray[np.uint8],
+    names: Mapping[int, str],
+    stride: int,
+    *,
+    head: Head = "nms",
+    task: Task = DETECTION,
+) -> None:
+    """Compute an empty image, 1 x height x width x RGB, and read it like any other; names to task: the model's.
 
     Raises:
         OutputError: nothing can be read off the output. What the engine raises beside it says that it does not work.
@@ -40,7 +51,7 @@ def prove(engine: Engine, blank: NDArray[np.uint8], names: Mapping[int, str], st
     (output,) = engine.run(blank)
     height, width = blank.shape[1:3]
     as_it_is = Letterbox.fit(height, width, max(height, width), stride)
-    objects(output, as_it_is, ANYTHING, names, masks=True, head=head)
+    objects(output, as_it_is, ANYTHING, names, masks=True, head=head, task=task)
 
 
 log = logging.getLogger(__name__)
@@ -50,13 +61,14 @@ log = logging.getLogger(__name__)
 class Facts:
     """Facts about a model. names: of its classes, by label. longest: longer side of its input in pixels.
 
-    head: how objects are read off its output. fixed: height and width of the only input that it takes, if so.
+    head, task: how objects are read off its output, and what they have. fixed: height and width of the only input that
+    it takes, if so.
     """
 
     name: str
     runtime: str
     names: Mapping[int, str]
-    segments: bool
+    task: Task
     longest: int
     stride: int
     head: Head = "nms"
@@ -64,6 +76,8 @@ class Facts:
 
     def letterbox(self, height: int, width: int) -> Letterbox:
         """Return how an image of this size is fitted into the model's input."""
+        if self.task.kind == "classify":
+            return Letterbox.crop(height, width, self.fixed or (self.longest, self.longest))
         stretched = self.head == "rt-detr"
         return Letterbox.fit(height, width, self.longest, self.stride, stretched=stretched, fixed=self.fixed)
 
@@ -102,8 +116,8 @@ class Pipeline:
         self.max_batch = max_batch
         self.in_flight = in_flight
         self.facts = facts
-        self.segments = facts.segments
-        self.remarks: tuple[str, ...] = () if facts.segments else (f"{facts.name} has no masks: {SILENT}",)
+        self.segments = facts.task.has_masks
+        self.remarks: tuple[str, ...] = () if self.segments else (f"{facts.name} has no masks: {SILENT}",)
         self._engine = engine
         self._blank = blank
         self._reference = reference
@@ -161,7 +175,7 @@ class Pipeline:
                 by_shape[prepared.letterbox.shape].append(prepared)
         for images in by_shape.values():
             for prepared, output, model_ns in self._computed(images):
-                masks = batch[prepared.index].masks and self.facts.segments
+                masks = batch[prepared.index].masks and self.segments
                 outcomes[prepared.index] = self._read_off(prepared, output, model_ns, masks=masks)
         return [outcomes[index] for index in range(len(batch))]
 
@@ -201,8 +215,8 @@ class Pipeline:
         """Raise ModelError unless the engine still works: after an error, a GPU computes nothing or nonsense."""
         try:
             facts = self.facts
-            about = (self._blank, facts.names, facts.stride, facts.head)
-            self._computing.submit(prove, self._engine, *about).result()
+            proof = partial(prove, self._engine, self._blank, facts.names, facts.stride)
+            self._computing.submit(proof, head=facts.head, task=facts.task).result()
         except Exception as error:
             raise ModelError(f"{self.name} works no longer: {first_line(error)}") from error
 
@@ -231,10 +245,10 @@ class Pipeline:
         self.remarks = (*self.remarks, remark)
 
     def _difference(self, batch: NDArray[np.uint8], ours: Output, theirs: Output) -> str | None:
-        height, width = batch.shape[1:3]
-        as_it_is = Letterbox.fit(height, width, max(height, width), self.facts.stride)
+        facts, (height, width) = self.facts, batch.shape[1:3]
+        as_it_is = Letterbox.fit(height, width, max(height, width), facts.stride)
         here, there = (
-            objects(each, as_it_is, self._criteria, self.facts.names, masks=False, head=self.facts.head)
+            objects(each, as_it_is, self._criteria, facts.names, masks=False, head=facts.head, task=facts.task)
             for each in (ours, theirs)
         )
         return difference(here, there, self._criteria.greatest_score)
@@ -245,8 +259,9 @@ class Pipeline:
             if isinstance(output, Exception):
                 return Failed(FAILED, output)
             refine = None if self._refiner is None else partial(self._refined, self._refiner, prepared.pixels)
-            letterbox, names, head = prepared.letterbox, self.facts.names, self.facts.head
-            found = objects(output, letterbox, self._criteria, names, masks=masks, refine=refine, head=head)
+            facts = self.facts
+            about = (prepared.letterbox, self._criteria, facts.names)
+            found = objects(output, *about, masks=masks, refine=refine, head=facts.head, task=facts.task)
         except OutputError as error:
             self._prove()
             return Failed(FAILED, error)

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Literal
+from itertools import zip_longest
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -14,6 +15,15 @@ from services.detector.runtime.candidates import Candidates, suppressed
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.masks import Taps, encode_all
+from services.detector.runtime.model_file import Head, Task
+from services.detector.runtime.object_shapes import (
+    drawn,
+    filled,
+    keypoints_of,
+    rotated_boxes,
+    rotated_suppressed,
+    upright,
+)
 from services.detector.runtime.refinement.refiner import BOX, CloseUps, Refined, own_parts
 from services.geometry.masks import Window
 
@@ -28,11 +38,6 @@ PLACES: Final = 4
 ENDED: Final = 6
 """Numbers of a box, its score and its class, in the output of a model that suppresses doubles itself."""
 
-Head = Literal["nms", "nms-free", "rt-detr"]
-"""How objects are read off an output. nms: overlapping boxes are taken for one object. nms-free: each box is one, and
-has every class that is sure enough. rt-detr: boxes are shares of a stretched image, and each is one object."""
-
-HEADS: Final[tuple[Head, ...]] = ("nms", "nms-free", "rt-detr")
 
 MOSTLY: Final = 0.5
 """The share of a mask that surer objects of its class may cover at most: masks of things that there are do not overlap,
@@ -46,6 +51,9 @@ NOTHING: Final = np.float32(-10)
 """Log odds of what is surely none of an object's."""
 
 
+DETECTION: Final = Task()
+
+
 class OutputError(ValueError):
     """The output does not fit the model's task."""
 
@@ -54,14 +62,32 @@ class OutputError(ValueError):
 class Output:
     """A model's output for one image.
 
-    predictions: (4 + classes + mask coefficients) x anchors, boxes as centre and size in pixels of the input; or, of a
-    model that suppresses doubles itself, objects x (corners, score, class, mask coefficients); or, of RT-DETR, objects
-    x (centre and size as shares of the input, score, class).
+    predictions: (4 + classes + extras) x anchors, boxes as centre and size in pixels of the input; or, of a model that
+    suppresses doubles itself, objects x (corners, score, class, extras); or, of RT-DETR, objects x (centre and size as
+    shares of the input, score, class); or, of a model that classifies, one score for each class. extras: mask
+    coefficients, or what its `Task` says.
     prototypes: mask coefficients x height x width; None of a model without masks.
     """
 
     predictions: Floats
     prototypes: Floats | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """What the numbers of an output are of a model with so many classes."""
+
+    classes: int
+    head: Head
+    task: Task
+
+    def is_dense(self, output: Output) -> bool:
+        """Return whether an output has one value for every place of the image."""
+        return len(output.predictions) == PLACES + self.classes + self.extras(output)
+
+    def extras(self, output: Output) -> int:
+        """Return the number of mask coefficients, or of other extras, per object."""
+        return self.task.extras if output.prototypes is None else len(output.prototypes)
 
 
 Refine = Callable[[Candidates, Floats], tuple[CloseUps, Refined] | None]
@@ -78,17 +104,25 @@ def objects(
     masks: bool,
     refine: Refine | None = None,
     head: Head = "nms",
+    task: Task = DETECTION,
 ) -> list[Detection]:
     """Return the objects of an image, best score first, with masks if wanted and available, refined if possible.
 
-    An object of whose mask there is no pixel is left out, whether masks are asked for or not.
+    An object of whose mask there is no pixel is left out, whether masks are asked for or not. Classes of a whole image
+    are objects as large as it.
 
     Raises:
         OutputError: the output is not that of a model with these classes, or not a number.
     """
-    found = _candidates(output, letterbox, len(names), criteria, head)
-    doubles = (head == "nms" and _is_dense(output, len(names))) or criteria.same is not None
-    kept = found[_without_doubles(found, criteria) if doubles else slice(criteria.max_detections)]
+    if task.kind == "classify":
+        return _classified(output, letterbox, criteria, names)
+    layout = _Layout(len(names), head, task)
+    found = _candidates(output, letterbox, layout, criteria)
+    doubles = (head == "nms" and layout.is_dense(output)) or criteria.same is not None
+    kept = found[_without_doubles(found, criteria, task) if doubles else slice(criteria.max_detections)]
+    if task.extras:
+        shaped = _shaped(kept, letterbox, _classes(kept, criteria).tolist(), task, masks=masks)
+        return [msgspec.structs.replace(each, name=names[each.label][:MAX_LABEL]) for each in shaped]
     if output.prototypes is not None:
         if len(kept.labels) and not np.isfinite(output.prototypes).all():
             raise OutputError("prototypes of masks that are not numbers")
@@ -112,22 +146,44 @@ def objects(
     ]
 
 
+def _shaped(
+    found: Candidates, letterbox: Letterbox, labels: list[int], task: Task, *, masks: bool
+) -> Iterator[Detection]:
+    """Yield objects that have rotated boxes or keypoints, with these, and as their masks if wanted; unnamed."""
+    rotated = rotated_boxes(found, letterbox) if task.kind == "obb" else []
+    keypoints = keypoints_of(found, letterbox, task) if task.kind == "pose" else []
+    boxes = upright(rotated, letterbox) if rotated else _in_image(found.corners, letterbox)
+    windows = filled(rotated, boxes) if rotated else drawn(keypoints, boxes, letterbox)
+    encoded = encode_all(windows, letterbox.rows.image, letterbox.columns.image) if masks else iter(())
+    shapes = zip_longest(labels, found.scores.tolist(), boxes.tolist(), encoded, rotated, keypoints)
+    for label, score, box, mask, turned, points in shapes:
+        if box[0] < box[2] and box[1] < box[3]:
+            about = {"mask": mask, "rotated": turned, "keypoints": points}
+            yield Detection(name="", score=min(score, 1.0), box=Box(*box), label=label, **about)
+
+
+def _classified(output: Output, letterbox: Letterbox, criteria: Criteria, names: Mapping[int, str]) -> list[Detection]:
+    scores = output.predictions
+    if scores.shape != (len(names),):
+        raise OutputError(f"an output of {scores.shape} from a model of {len(names)} classes")
+    whole = Box(0, 0, letterbox.columns.image, letterbox.rows.image)
+    found: dict[str, Detection] = {}
+    for label in sorted(_sure(scores, criteria).tolist(), key=lambda each: -scores[each]):
+        needed = criteria.confidence if criteria.scores is None else criteria.scores[label]
+        if scores[label] > needed and (criteria.labels is None or label in criteria.labels):
+            name = names[label][:MAX_LABEL]
+            found.setdefault(name, Detection(name=name, score=min(float(scores[label]), 1.0), box=whole, label=label))
+    return list(found.values())[: criteria.max_detections]
+
+
 def _judged(mask: Mask, quality: float) -> Mask:
     return msgspec.structs.replace(mask, quality=quality)
 
 
-def _is_dense(output: Output, classes: int) -> bool:
-    """Return whether an output has one value for every place of the image."""
-    return len(output.predictions) == PLACES + classes + _coefficients(output)
-
-
-def _coefficients(output: Output) -> int:
-    """Return the number of mask coefficients per object."""
-    return 0 if output.prototypes is None else len(output.prototypes)
-
-
-def _without_doubles(found: Candidates, criteria: Criteria) -> NDArray[np.int64]:
+def _without_doubles(found: Candidates, criteria: Criteria, task: Task) -> NDArray[np.int64]:
     labels = np.zeros_like(found.labels) if criteria.agnostic else _classes(found, criteria)
+    if task.kind == "obb":
+        return rotated_suppressed(found, labels, criteria.iou, criteria.max_detections)
     return suppressed(found.corners, labels, criteria.iou, criteria.max_detections)
 
 
@@ -136,9 +192,9 @@ def _classes(found: Candidates, criteria: Criteria) -> NDArray[np.int64]:
     return found.labels if criteria.same is None else criteria.same[found.labels]
 
 
-def _candidates(output: Output, letterbox: Letterbox, classes: int, criteria: Criteria, head: Head) -> Candidates:
+def _candidates(output: Output, letterbox: Letterbox, layout: _Layout, criteria: Criteria) -> Candidates:
     """Return the candidates of reported classes above the score threshold, best first."""
-    found = _read(output, letterbox, classes, criteria, head)
+    found = _read(output, letterbox, layout, criteria)
     if not (np.isfinite(found.corners).all() and np.isfinite(found.coefficients).all()):
         raise OutputError("a box or a mask that is not a number")
     if criteria.labels is not None:
@@ -148,15 +204,17 @@ def _candidates(output: Output, letterbox: Letterbox, classes: int, criteria: Cr
     return found[np.argsort(-found.scores, kind="stable")[:MAX_CANDIDATES]]
 
 
-def _read(output: Output, letterbox: Letterbox, classes: int, criteria: Criteria, head: Head) -> Candidates:
+def _read(output: Output, letterbox: Letterbox, layout: _Layout, criteria: Criteria) -> Candidates:
+    classes, head = layout.classes, layout.head
     match output.predictions.shape:
         case (_, numbers) if head == "rt-detr" and numbers == ENDED:
             return _queries(output, letterbox, classes, criteria)
-        case (_, _) if head != "rt-detr" and _is_dense(output, classes):
+        case (_, _) if head != "rt-detr" and layout.is_dense(output):
             every = head == "nms-free" and not criteria.agnostic
             return _every_class(output, classes, criteria) if every else _best_class(output, classes, criteria)
-        case (_, numbers) if head != "rt-detr" and numbers == ENDED + _coefficients(output):
-            return _ended(output, classes, criteria)
+        case (_, numbers) if head != "rt-detr" and numbers == ENDED + layout.extras(output):
+            found = _ended(output, classes, criteria)
+            return replace(found, corners=_corners(found.corners)) if layout.task.kind == "obb" else found
     raise OutputError(f"an output of {output.predictions.shape} from a model of {classes} classes")
 
 

@@ -1,6 +1,6 @@
 """A model under PyTorch, or an engine file under TensorRT, run on tensors by Ultralytics' AutoBackend."""
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import torch
@@ -9,6 +9,9 @@ from ultralytics.nn.autobackend import AutoBackend
 
 from services.detector.runtime.engine import OutOfMemoryError, outputs
 from services.detector.runtime.postprocess import Output
+
+PROTOTYPES: Final = 4
+"""Dimensions of a batch's prototypes: images, coefficients, height and width."""
 
 
 class TorchEngine:
@@ -37,9 +40,8 @@ def _parts(found: Any) -> tuple[torch.Tensor, torch.Tensor | None]:
     first = found[0] if isinstance(found, list | tuple) else found
     if isinstance(first, list | tuple):
         return first[0], first[1]
-    if isinstance(found, list | tuple) and len(found) > 1 and isinstance(found[1], torch.Tensor):
-        return first, found[1]
-    return first, None
+    second = found[1] if isinstance(found, list | tuple) and len(found) > 1 else None
+    return first, second if isinstance(second, torch.Tensor) and second.ndim == PROTOTYPES else None
 
 
 def _array(tensor: torch.Tensor) -> NDArray[np.float32]:

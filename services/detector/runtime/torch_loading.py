@@ -15,14 +15,13 @@ from services.detector.model import first_line
 from services.detector.runtime.choosing import RuntimeTarget, check_installed, choose, for_weights
 from services.detector.runtime.engine import Engine, RunningModel, Runtime
 from services.detector.runtime.exporting import discard, exported
-from services.detector.runtime.nms_branches import keep_branch
 from services.detector.runtime.pipeline import prove
 from services.detector.runtime.postprocess import OutputError
 from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.refiner import Refiner, blank_close_ups
 from services.detector.runtime.refinement.torch_refiner import TorchRefiner
 from services.detector.runtime.torch_engine import TorchEngine
-from services.detector.runtime.weights import Weights, device_of
+from services.detector.runtime.weights import Weights, device_of, keep_branch
 from services.detector.settings import DetectorSettings
 
 log = logging.getLogger(__name__)
@@ -82,7 +81,7 @@ def _engines(
 
     def make(runtime: Runtime) -> Engine:
         made = _make(runtime, weights=weights, device=device, place=place, reference=reference)
-        prove(made, blank, weights.names, weights.stride, weights.head)
+        prove(made, blank, weights.names, weights.stride, head=weights.head, task=weights.task)
         return made
 
     if settings.runtime == "auto":

@@ -1,4 +1,4 @@
-"""Reads the weights of a model: its task, classes and module."""
+"""Reads the weights of a model: its task, classes, module, and the branch of its head."""
 
 import hashlib
 from collections.abc import Mapping
@@ -9,6 +9,7 @@ from typing import Any, Final
 import torch
 from ultralytics.models import YOLO
 from ultralytics.nn import tasks
+from ultralytics.nn.modules.head import Classify, Detect, RTDETRDecoder
 from ultralytics.utils.torch_utils import select_device
 
 from services.detector.model import ModelError, first_line
@@ -16,13 +17,13 @@ from services.detector.runtime.checkpoint import DOWNLOADS, CheckpointError, rea
 from services.detector.runtime.model_file import (
     COLOURS,
     EXPORTS,
-    SEGMENT,
-    TASKS,
+    Head,
     ModelFile,
     NamesError,
+    TaskError,
     class_names,
+    task_of,
 )
-from services.detector.runtime.nms_branches import HeadError, head_of
 from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.torch_refiner import network_in
 from services.detector.settings import WEIGHTS_SUFFIX, is_weights
@@ -32,6 +33,9 @@ NEEDED: Final = "torch 2.6 and Ultralytics 8.4.175"
 DEFAULT_SIDE: Final = 640
 """What Ultralytics trains at unless told otherwise."""
 NAMES_CURE: Final = "give its model one name for each class, numbered from 0, and save it again"
+
+ONE_TO_ONE: Final = "one2one_"
+"""How names of the parts of the NMS-free branch begin; the other's parts have the same names without."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +69,8 @@ def load_weights(
                 fetched: Any = YOLO(model)
             path = Path(fetched.ckpt_path)
         module, content = read_checkpoint(path)
-        _check(module, what)
+        task = task_of(module.task, getattr(module.model[-1], "kpt_shape", None))
+        _check(module)
         head = head_of(module, nms=nms)
         names = module.names = _names(module)
         masks = getattr(module.model[-1], "nm", None)  # what Ultralytics calls the number of its prototypes
@@ -74,7 +79,7 @@ def load_weights(
             digest=hashlib.sha256(path.read_bytes()).hexdigest(),
             model=module,
             names=names,
-            segments=module.task == SEGMENT,
+            task=task,
             longest=_longest(content),
             stride=max(32, int(module.stride.max())),
             refiner=network_in(content, len(names), masks) if refine and masks is not None else None,
@@ -83,6 +88,8 @@ def load_weights(
         )
     except ModelError:
         raise
+    except TaskError as error:
+        raise ModelError(f"{what}: {error}") from error
     except HeadError as error:
         raise ModelError(f"{'--nms' if nms else '--no-nms'} with {what}: {error}") from error
     except Exception as error:
@@ -90,10 +97,8 @@ def load_weights(
         raise ModelError(f"{what}: not a model that can be used: {why}") from error
 
 
-def _check(module: Any, what: str) -> None:
-    """Raise ModelError or CheckpointError for a model of another task, or for images unlike a camera's."""
-    if module.task not in TASKS:
-        raise ModelError(f"{what}: a model for {module.task!r}, not for one of {', '.join(TASKS)}")
+def _check(module: Any) -> None:
+    """Raise CheckpointError for a model for images unlike a camera's."""
     channels = getattr(module, "yaml", {}).get("channels", COLOURS)
     if channels != COLOURS:
         raise CheckpointError(f"it is for images of {channels} channels, and cameras have {COLOURS}: train it on RGB")
@@ -105,7 +110,8 @@ def _names(module: Any) -> dict[int, str]:
     Raises:
         CheckpointError: they are not one for each class.
     """
-    classes = module.model[-1].nc
+    head = module.model[-1]
+    classes = head.linear.out_features if isinstance(head, Classify) else head.nc
     given = getattr(module, "names", None)
     if given is None or (isinstance(given, Mapping | list | tuple) and not given):
         given = [f"class{label}" for label in range(classes)]
@@ -140,3 +146,51 @@ def _kind_of(name: str) -> str:
     """Return the type of the requested device; plain numbers are GPUs."""
     kind = name.strip().partition(":")[0].lower()
     return kind if kind.isalpha() else "cuda"
+
+
+class HeadError(Exception):
+    """The model has not the requested head; the message says why."""
+
+
+def head_of(model: Any, *, nms: bool | None) -> Head:
+    """Return how to read objects from a model's output. nms: as requested; None for Ultralytics' default.
+
+    Raises:
+        HeadError: the model has no such head.
+        CheckpointError: its head is none that is known here.
+    """
+    head = model.model[-1]
+    if isinstance(head, RTDETRDecoder):
+        if nms:
+            raise HeadError("an RT-DETR model finds each object once, and has no other head: leave --nms out")
+        return "rt-detr"
+    if isinstance(head, Classify):
+        if nms is not None:
+            raise HeadError("a model that classifies whole images finds no boxes: leave it out")
+        return "nms"
+    if not isinstance(head, Detect):
+        raise CheckpointError(f"its head is a {type(head).__name__}, which is not known here: use YOLO or RT-DETR")
+    if nms is False and not _has_one_to_one(head):
+        raise HeadError("it has no NMS-free head, as YOLO26 and YOLOv10 have: leave --no-nms out")
+    if nms and head.cv2 is None:
+        raise HeadError("it has nothing left but its NMS-free head: leave --nms out")
+    return "nms-free" if nms is False or head.cv2 is None else "nms"
+
+
+def keep_branch(model: Any, head: Head) -> None:
+    """Reduce the head to one branch, so that the output is the same under every runtime.
+
+    What Ultralytics' own NMS-free head puts out is a choice of the best, of a number of objects that an exported file
+    fixes; the branch itself puts out every place of the image, as any other.
+    """
+    module = model.model[-1]
+    if head == "rt-detr" or not _has_one_to_one(module):
+        return
+    for name in [name for name in module._modules if name.startswith(ONE_TO_ONE)]:  # noqa: SLF001 - as Ultralytics does
+        if head == "nms-free":
+            setattr(module, name.removeprefix(ONE_TO_ONE), getattr(module, name))
+        setattr(module, name, None)
+
+
+def _has_one_to_one(head: Any) -> bool:
+    return getattr(head, f"{ONE_TO_ONE}cv2", None) is not None

@@ -98,7 +98,7 @@ def _described(file: Path, name: str) -> PublishedModel:
     if form == "onnx":
         _try(file)
     names = list(dict.fromkeys(weights.names.values()))
-    about = f"{'segmentation' if weights.segments else 'detection'} of {', '.join(names)}"[:MAX_LABEL]
+    about = f"{weights.task.title} of {', '.join(names)}"[:MAX_LABEL]
     return PublishedModel(digest=digest_of(file), name=name, size=size, by=_myself(), about=about, form=form)
 
 

@@ -99,8 +99,8 @@ def open_model(
 
 def _loaded(settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:
     model = load(settings, folder, refiner)
-    if not model.segments:
-        raise ModelError(f"{settings.model}: a model that finds no masks")
+    if (task := model.facts.task).kind != "segment":
+        raise ModelError(f"{settings.model}: a model for {task.title}, not for segmentation")
     if unknown := sorted(set(model.facts.names.values()).difference(CLASSES)):
         names = ", ".join(unknown[:NAMED]) + (", ..." if len(unknown) > NAMED else "")
         raise ModelError(f"{settings.model}: a model for {names}; the scenes have {', '.join(CLASSES)} alone")

@@ -3,10 +3,11 @@ import numpy as np
 import pytest
 import simplejpeg
 
-from schemas.detections import Box, Detection, Detections, Mask
+from schemas.detections import Box, Detection, Detections, Keypoint, Mask, RotatedBox
 from schemas.image import ImageFrame
 from services.detector.overlay import Picture, caption, color_of, drawings, overlays
 from services.detector.runtime.masks import encode_all
+from services.detector.runtime.object_shapes import corners_of
 from services.geometry.errors import MaskError
 from services.geometry.masks import Window
 from tests.services.detector.support.requests import frame_of
@@ -43,6 +44,24 @@ def test_a_box_is_drawn_in_its_classes_colour_and_nothing_far_from_it_changes() 
     assert np.all(drawn[60:80, 50:90] == 128)
     assert np.all(drawn[100:, :] == 128)
     assert np.all(before == 128)
+
+
+def test_a_rotated_box_is_drawn_as_it_lies() -> None:
+    turned = RotatedBox(x=80, y=60, width=60, height=20, angle=np.pi / 4)
+    drawn = draw(grey(), [msgspec.structs.replace(INSIDE, rotated=turned)], masks=False)
+    corners = np.rint(corners_of(turned)).astype(int)
+    assert {tuple(drawn[y, x]) for x, y in corners} == {color_of(0)}
+    assert tuple(drawn[60, 80]) == (128, 128, 128)
+    assert tuple(drawn[90, 100]) == (128, 128, 128)  # a corner of the upright box
+
+
+def test_keypoints_are_drawn_where_they_are_in_view_and_joined_if_they_are_a_persons() -> None:
+    points = [Keypoint(20 + 8 * n, 100, 0.9 if n != 9 else 0.4) for n in range(17)]
+    drawn = draw(grey(), [msgspec.structs.replace(INSIDE, keypoints=points)], masks=False)
+    assert [tuple(drawn[100, int(each.x)]) == (255, 255, 255) for each in points] == [n != 9 for n in range(17)]
+    assert tuple(drawn[100, 64]) == color_of(0)  # between the shoulders, 5 and 6
+    others = draw(grey(), [msgspec.structs.replace(INSIDE, keypoints=points[:16])], masks=False)
+    assert tuple(others[100, 64]) == (128, 128, 128)
 
 
 def test_a_mask_tints_what_it_covers() -> None:

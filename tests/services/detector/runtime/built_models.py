@@ -22,6 +22,14 @@ DETECTING: Final = (heads.Detect, heads.RTDETRDecoder)
 OF_OTHER_TASKS: Final = (heads.OBB, heads.Pose)
 
 
+TASKS: Final = {
+    tasks.SegmentationModel: "segment",
+    tasks.OBBModel: "obb",
+    tasks.PoseModel: "pose",
+    tasks.ClassificationModel: "classify",
+}
+
+
 def architectures() -> dict[str, str]:
     """Return the name of the head of each of Ultralytics' architectures that finds objects, by file name."""
     found = {}
@@ -53,7 +61,7 @@ def build(architecture: str, *, seed: int = 0, classes: int = CLASSES, channels:
 
 def write(model: Any, file: Path, **entries: object) -> Path:
     """Save a module as Ultralytics' training does. entries: beside it in the checkpoint."""
-    task = "segment" if isinstance(model, tasks.SegmentationModel) else "detect"
+    task = next((task for kind, task in TASKS.items() if isinstance(model, kind)), "detect")
     torch.save({"model": model.half(), "train_args": {"imgsz": SIDE, "task": task}, **entries}, file)
     model.float()
     return file
@@ -67,6 +75,9 @@ def _model_class(config: dict[str, Any]) -> Any:
         (heads.YOLOESegment, tasks.YOLOESegModel),
         (heads.YOLOEDetect, tasks.YOLOEModel),
         (heads.Segment, tasks.SegmentationModel),
+        (heads.OBB, tasks.OBBModel),
+        (heads.Pose, tasks.PoseModel),
+        (heads.Classify, tasks.ClassificationModel),
     ):
         if issubclass(head, kind):
             return model

@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.detector.runtime.engine import OutOfMemoryError
+from services.detector.runtime.model_file import Task
 from services.detector.runtime.pipeline import Facts
 from services.detector.runtime.postprocess import Output
 
 STRIDE = 32
-FACTS = Facts("fake.pt", "fake", {0: "box", 1: "pallet"}, segments=True, longest=64, stride=STRIDE)
+FACTS = Facts("fake.pt", "fake", {0: "box", 1: "pallet"}, task=Task("segment"), longest=64, stride=STRIDE)
 
 NONSENSE = 14
 """How bright an image is whose score is not a number."""

@@ -11,7 +11,8 @@ from services.detector.model import ModelError, TuningError
 from services.detector.runtime.criteria import Criteria, merged, renamed
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.loading import load
-from services.detector.runtime.postprocess import Head, Output, objects
+from services.detector.runtime.model_file import Head
+from services.detector.runtime.postprocess import Output, objects
 from services.detector.settings import DetectorSettings
 from tests.services.detector.runtime.engines import FACTS, STRIDE, output
 

@@ -19,6 +19,7 @@ from services.detector.model import DetectedObjects, ModelError
 from services.detector.runtime import postprocess
 from services.detector.runtime.exported_model import AGNOSTIC, HEAD, REFINER, SOURCE, read_exported
 from services.detector.runtime.loading import load
+from services.detector.runtime.model_file import Task
 from services.detector.runtime.overlap import difference
 from services.detector.runtime.portable import portable
 from services.detector.settings import SHIPPED_EXPORT, SHIPPED_MODEL, DetectorSettings
@@ -66,7 +67,7 @@ def test_the_shipped_export_finds_what_the_shipped_weights_find(
 def test_the_shipped_export_is_that_of_the_shipped_weights() -> None:
     exported = read_exported(str(SHIPPED_EXPORT))
     assert metadata(SHIPPED_EXPORT)[SOURCE] == digest_of(SHIPPED_MODEL)
-    assert (exported.longest, exported.fixed, exported.many, exported.segments) == (640, None, True, True)
+    assert (exported.longest, exported.fixed, exported.many, exported.task) == (640, None, True, Task("segment"))
     assert dict(exported.names) == {0: "box", 1: "pallet", 2: "forklift"}
 
 
@@ -170,7 +171,9 @@ def changed(folder: Path, **entries: str | None) -> Path:
             {"names": None, "stride": None},
             "it does not say its names, stride: export it with `fleetsight model export`",
         ),
-        ({"task": "pose"}, "a model for 'pose', not for one of segment, detect"),
+        ({"task": "depth"}, "a model for 'depth', not for one of segment, detect, pose, obb, classify"),
+        ({"task": "pose"}, "its keypoints are None, not 1 to 256 of 2 or 3 numbers each"),
+        ({"task": "pose", "kpt_shape": "[257, 3]"}, "its keypoints are [257, 3], not 1 to 256 of 2 or 3 numbers each"),
         ({"names": "{0: 'box', 2: 'pallet'}"}, "names of other classes"),
         ({"names": "{0: 'box', 1: ' '}"}, "class 1 has an empty name"),
         ({"names": "__import__('os').getcwd()"}, "its names cannot be read: export it with"),

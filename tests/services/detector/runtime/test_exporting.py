@@ -22,6 +22,7 @@ from services.detector.runtime.exporting import (
     put_in_place,
     remove_abandoned,
 )
+from services.detector.runtime.model_file import Task
 from services.detector.runtime.offline import keep_offline
 
 
@@ -117,7 +118,7 @@ def export(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Pat
     path.write_bytes(b"weights")
     digest = hashlib.sha256(b"weights").hexdigest()
     weights = Weights(
-        path=path, digest=digest, model=None, names={}, segments=True, longest=640, stride=32, refiner=None
+        path=path, digest=digest, model=None, names={}, task=Task("segment"), longest=640, stride=32, refiner=None
     )
 
     def export(kind: str, exporter: Exporter, cache: Path = tmp_path / "cache") -> Path:

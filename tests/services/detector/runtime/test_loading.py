@@ -131,9 +131,9 @@ def test_a_model_of_another_task(tmp_path: Path, model_folder: Path) -> None:
     load(settings(model_folder), model_folder / "ultralytics").close()  # Ultralytics is offline by then
     from ultralytics.models import YOLO  # noqa: PLC0415
 
-    YOLO("yolo11n-pose.yaml").save(tmp_path / "pose.pt")
-    assert "a model for 'pose', not for one of segment, detect" in refusal(
-        model_folder, model=str(tmp_path / "pose.pt")
+    YOLO("yolo26n-sem.yaml").save(tmp_path / "semantic.pt")
+    assert "a model for 'semantic', not for one of segment, detect, pose, obb, classify" in refusal(
+        model_folder, model=str(tmp_path / "semantic.pt")
     )
 
 

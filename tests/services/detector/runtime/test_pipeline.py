@@ -13,6 +13,7 @@ from schemas.tuning import Tuning
 from services.detector.frame_counts import FAILED
 from services.detector.model import DetectedObjects, Failed, ModelError, Outcome, Request
 from services.detector.runtime.criteria import Criteria
+from services.detector.runtime.model_file import Task
 from services.detector.runtime.pipeline import Pipeline
 from services.detector.runtime.postprocess import Output
 from services.detector.runtime.refinement.refiner import SIDE, CloseUps, Refined
@@ -20,7 +21,7 @@ from services.geometry.masks import decode
 from tests.services.detector.runtime.engines import FACTS, NONSENSE, BrightEngine, output
 from tests.services.detector.support.requests import request
 
-DETECTION = replace(FACTS, segments=False)
+DETECTION = replace(FACTS, task=Task())
 BLANK = np.zeros((1, 32, 32, 3), np.uint8)
 
 

@@ -63,14 +63,14 @@ def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("architecture", "names", "reason"),
     [
-        ("yolo11n.yaml", CLASSES, "yolo11n.pt: a model that finds no masks"),
+        ("yolo11n.yaml", CLASSES, "yolo11n.pt: a model for detection, not for segmentation"),
         (
             "yolo11n-seg.yaml",
             ("box", "person", "cat"),
             "a model for cat, person; the scenes have box, pallet, forklift",
         ),
         ("yolo11n-seg.yaml", (), "a model for 0, 1, 10, 11, 12, ...; the scenes have"),
-        ("yolo11n-pose.yaml", (), "a model for 'pose'"),
+        ("yolo11n-pose.yaml", (), "a model for poses, not for segmentation"),
     ],
 )
 def test_a_model_for_something_else_is_refused(
