@@ -12,7 +12,11 @@ OPEN_TIMEOUT_MS: Final = 1_000
 """Longest duration of one attempt to connect that a session's opening waits for."""
 
 BACKGROUND_MS: Final = 1_500
-"""The same in the background: a router that is busy takes a while. Closing a session waits for it (Zenoh 1.10)."""
+"""The same in the background: a router that is busy takes a while. Closing a session waits for it (Zenoh 1.10).
+
+Who has another router to go to waits no longer for one than as it opens: endpoints are tried in their order, and the
+first may be the one that is gone.
+"""
 
 ACCEPT_MS: Final = 5_000
 """The same for who is connected to, as by a whole fleet after a router's restart."""
@@ -74,6 +78,7 @@ def session_config(
     Timestamping is off: a subscriber with history drops what a router's clock puts out of order.
     """
     lease_ms = round(settings.lease_s * 1000)
+    has_choice = settings.mode == "client" and len(settings.connect) > 1
     blocked_us = min(lease_ms, MAX_BLOCKED_MS) * 1_000
     rules = {} if access is None else {"access_control": access}
     own = rules | ({"gateway": {"south": NEIGHBOURS}} if settings.is_listening_client else {})
@@ -97,7 +102,7 @@ def session_config(
         "timestamping": {"enabled": False},
         "transport": {
             "unicast": {
-                "open_timeout": OPEN_TIMEOUT_MS if settings.has_one_link else BACKGROUND_MS,
+                "open_timeout": OPEN_TIMEOUT_MS if settings.has_one_link or has_choice else BACKGROUND_MS,
                 "accept_timeout": ACCEPT_MS,
                 "accept_pending": links,
                 "max_sessions": links,

@@ -36,3 +36,11 @@ def test_signs_of_life_are_at_most_half_a_second_apart() -> None:
         return session_config(BusSettings(lease_s=lease_s))["transport"]["link"]["tx"]["keep_alive"]
 
     assert [keep_alive(0.5), keep_alive(2), keep_alive(2.1), keep_alive(60)] == [4, 4, 5, 120]
+
+
+def test_who_has_another_router_to_go_to_waits_less_for_one_that_is_gone() -> None:
+    def open_timeout(*connect: str) -> int:
+        settings = BusSettings(mode="client", connect=list(connect), listen=["tcp/127.0.0.1:0"])
+        return int(session_config(settings)["transport"]["unicast"]["open_timeout"])
+
+    assert open_timeout("tcp/one:7447", "tcp/other:7447") < open_timeout("tcp/one:7447")
