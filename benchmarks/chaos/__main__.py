@@ -43,8 +43,9 @@ from benchmarks.arguments import parser_of, show
 from benchmarks.chaos import clock, database, resources
 from benchmarks.chaos.faults import THIN, Fault, Needs, named
 from benchmarks.chaos.network import Network, enter_namespace, has_namespaces, is_apart, mount_disk, unmount_disk
+from benchmarks.chaos.observer import FRONT
 from benchmarks.chaos.scenario import Scenario
-from benchmarks.chaos.system import DISK, MASTER, POSTGRESQL, Place, fleet
+from benchmarks.chaos.system import CENTRE, DISK, MASTER, POSTGRESQL, Place, fleet
 from benchmarks.gateway.processes import ROSMASTER, PeerError
 from benchmarks.machine import machine, versions
 from benchmarks.monitor.__main__ import causes
@@ -178,15 +179,18 @@ async def place(needs: Needs) -> AsyncIterator[Place]:
             make_certificates(pki, network)
         if needs is Needs.CLOCK:
             stepped = await asyncio.to_thread(clock.make, folder)
-        yield Place(folder, network, data, pki, stepped)
+        where = Place(folder, network, data, pki, stepped)
+        if pki is not None:
+            where.admit(FRONT.robot)
+        yield where
 
 
 def make_certificates(folder: Path, network: Network | None) -> None:
     """Make the certificates of a fleet."""
     authority = Authority(folder)
     authority.make()
-    authority.issue("central", [network.address] if network is not None else [], 1)
-    authority.issue("r1", (), 1)
+    authority.issue(CENTRE, [network.address] if network is not None else [], 1)
+    authority.issue(FRONT.robot, (), 1)
 
 
 def summary(found: Sequence[dict[str, Any]]) -> dict[str, Any]:

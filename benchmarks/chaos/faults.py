@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from benchmarks.chaos import clock, system
 from benchmarks.chaos.database import fill, make_room
+from benchmarks.chaos.observer import FRONT
 from benchmarks.chaos.system import ROUTER, UNIT_RESTART_S, System
 from bus import BusSettings
 from bus.settings import port_of
@@ -100,6 +101,7 @@ def faults() -> Iterator[Fault]:
     for name, hours in (("clock an hour ahead", 1), ("clock an hour back", 0), ("clock an hour behind", -1)):
         yield _needing(Fault(name, _step(hours * HOUR_S), 0.0, lasts_s=STEPPED_S), Needs.CLOCK)
     yield _needing(Fault("certificate renewed", _renew(DAY_S), TAKEN_S), Needs.CERTIFICATES)
+    yield _needing(Fault("a robot more in the access rules", _admit, TAKEN_S), Needs.CERTIFICATES)
     expired_s = EXPIRES_S + HANGS_S
     yield _needing(Fault("certificate expired", _renew(EXPIRES_S), expired_s, _renew(DAY_S)), Needs.CERTIFICATES)
 
@@ -174,6 +176,11 @@ def _return(fleet: System) -> None:
     _link()(fleet)
     fleet.end(system.GATEWAY)
     fleet.start(system.GATEWAY)
+
+
+def _admit(fleet: System) -> None:
+    """Routers read rules as they open a session: all their links end."""
+    fleet.place.admit(FRONT.robot, "another")
 
 
 def _step(seconds: int) -> Act:

@@ -5,6 +5,7 @@ centre   router, a second router (for roaming), detector worker, world model, mo
 """
 
 import asyncio
+import json
 import sys
 import time
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
@@ -21,6 +22,8 @@ from benchmarks.chaos.observer import FRONT, Observer
 from benchmarks.chaos.store import Journal, Store
 from benchmarks.gateway.processes import ROSMASTER, PeerError, Process, running
 from bus import BusSettings, open_bus
+from services.access.fleet_file import FleetFile
+from services.access.rules import access_control
 from services.toolbox.demo.children import free_ports
 
 HZ: Final = 4.0
@@ -43,6 +46,9 @@ TOOLBOX: Final = (sys.executable, "-m", "fleetsight")
 GATEWAY, DETECTOR, DISTANCE, CLOUD = "gateway", "detector", "distance", "cloud"
 WORLD, MONITOR, ROUTER, ROUTER_2 = "worldmodel", "monitor", "router", "router 2"
 MASTER, SIMULATOR, POSTGRESQL = "ROS master", "simulator", "postgresql"
+CENTRE: Final = "central"
+"""The name in the certificate of all processes that are on no robot."""
+
 ON_ROBOT: Final = frozenset({MASTER, SIMULATOR, GATEWAY, DISTANCE, CLOUD})
 
 
@@ -50,7 +56,8 @@ ON_ROBOT: Final = frozenset({MASTER, SIMULATOR, GATEWAY, DISTANCE, CLOUD})
 class Place:
     """Where the fleet runs. network: None where the robot shares this one. database: None for SQLite.
 
-    pki: prefix of the certificates' files, None for links without. clock: see `benchmarks.chaos.clock`.
+    pki: prefix of the certificates' files, None for links without; routers then have access rules, see `admit`. clock:
+    see `benchmarks.chaos.clock`.
     """
 
     folder: Path
@@ -58,6 +65,19 @@ class Place:
     database: Database | None = None
     pki: Path | None = None
     clock: Mapping[str, str] | None = None
+
+    @property
+    def access(self) -> Path:
+        """The file of the access rules."""
+        return self.folder / "access.json"
+
+    def admit(self, *robots: str) -> None:
+        """Write access rules for these robots and the centre."""
+        roles = {CENTRE: ["monitor", "worldmodel", "detector", "operator"]}
+        rules = access_control(FleetFile.model_validate({"robots": robots, "roles": roles}))
+        new = self.access.with_suffix(".new")
+        new.write_text(json.dumps(rules), encoding="utf-8")
+        new.replace(self.access)
 
 
 class System:
@@ -147,7 +167,7 @@ class System:
         """Return the ends of what all processes said."""
         return "\n".join(process.last_words() for process in self.processes.values())
 
-    def bus_settings(self, *, name: str = "central") -> BusSettings:
+    def bus_settings(self, *, name: str = CENTRE) -> BusSettings:
         """Return the settings of a session at the centre."""
         return BusSettings.model_validate({"connect": [self.endpoints[0]], "shared_memory": False, **self._tls(name)})
 
@@ -164,7 +184,7 @@ class System:
     def _tls(self, name: str) -> dict[str, str]:
         return {} if self.place.pki is None else {"tls": str(self.place.pki / name)}
 
-    def _joining(self, name: str = "central") -> list[str]:
+    def _joining(self, name: str = CENTRE) -> list[str]:
         tls = [part for value in self._tls(name).values() for part in ("--tls", value)]
         return ["--connect", self.endpoints[0], "--no-shared-memory", *tls]
 
@@ -177,7 +197,8 @@ class System:
             "shared_memory": False,
             "insecure": True,
         }
-        settings = BusSettings.model_validate({**own, **self._tls("central")})
+        rules = {} if self.place.pki is None else {"access": str(self.place.access)}
+        settings = BusSettings.model_validate({**own, **rules, **self._tls(CENTRE)})
         return [sys.executable, "-m", "benchmarks.chaos.router", settings.model_dump_json(exclude_unset=True)]
 
     def _master_command(self) -> list[str]:
@@ -203,7 +224,7 @@ class System:
     def _detector(self) -> list[str]:
         self._workers += 1
         folder = self.place.folder
-        name, files = f"w{self._workers}", (str(folder / "journal"), str(FRAME_MS), str(folder / "boot_id"))
+        name, files = f"{CENTRE}-{self._workers}", (str(folder / "journal"), str(FRAME_MS), str(folder / "boot_id"))
         settings = self.bus_settings().model_dump_json(exclude_unset=True)
         return [sys.executable, "-m", "benchmarks.chaos.worker", settings, name, *files]
 
