@@ -3,7 +3,8 @@
 import logging
 import re
 import threading
-from collections import deque
+import time
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from functools import partial
 from random import getrandbits
@@ -18,6 +19,9 @@ from bus.session.panics import panics_are_errors
 
 MOST_KEPT: Final = (1 << 16) - 1
 """Most messages that a publisher can keep."""
+
+RESUMED_S: Final = 30.0
+"""Time after its end in which a publisher of the same key goes on with what the one before kept."""
 
 _RANGE: Final = re.compile(r"(\d{0,18})\.\.(\d{0,18})")
 
@@ -56,12 +60,42 @@ class KeptMessages:
         return [(payload, stamp(self.publisher, number)) for number, payload in newest]
 
 
+class EndedPublishers:
+    """What publishers of a process kept that have ended, for those that follow them on their keys. One thread.
+
+    A worker whose own link is lost stops looking after all cameras until they are there again. What it sent into that
+    link is had from the publisher that follows, whose numbers go on: subscribers take what they miss.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._ended: OrderedDict[tuple[str, str, int], tuple[float, KeptMessages]] = OrderedDict()
+
+    def messages(self, key: str, encoding: str, most: int) -> KeptMessages:
+        """Return what a new publisher of a key keeps, of which there may be some already."""
+        self._forget_old()
+        _, found = self._ended.pop((key, encoding, most), (0.0, None))
+        return found or KeptMessages(key, encoding, most)
+
+    def add(self, kept: KeptMessages, asked_for: int) -> None:
+        """Note that a publisher has ended. asked_for: how many it was to keep."""
+        self._forget_old()
+        if asked_for > 1:  # a newest message alone is worth something only while who sent it is there
+            self._ended[kept.key, kept.encoding, asked_for] = self._clock(), kept
+
+    def _forget_old(self) -> None:
+        until_s = self._clock() - RESUMED_S
+        while self._ended and next(iter(self._ended.values()))[0] < until_s:
+            self._ended.popitem(last=False)
+
+
 class CacheServer:
     """Answers queries for what the publishers of a session keep.
 
     prefix: the session's own one, under which all caches have one queryable; otherwise each has one. tokens: show that
-    a cache is there. All methods are called on the session's thread; queries are answered on Zenoh's, as by its own
-    caches: one that waits for other work would not be answered in time.
+    a cache is there. ended: for publishers, on the event loop's thread alone. All methods are called on the session's
+    thread; queries are answered on Zenoh's, as by its own caches: one that waits for other work would not be answered
+    in time.
     """
 
     number_of = ""
@@ -72,6 +106,7 @@ class CacheServer:
         self._tokens = tokens
         self._lock = threading.Lock()
         self._session: zenoh.Session | None = None
+        self.ended = EndedPublishers()
         self._queryables: dict[str, zenoh.Queryable[None]] = {}
         self._kept: dict[str, KeptMessages] = {}
 

@@ -77,13 +77,20 @@ class ZenohPublisher(MessageWriter):
         super().__init__(key, demand, self._offer)
         self._qos = qos
         self._encoding = encoding
-        self._kept = None if qos in UNKEPT or not kept else KeptMessages(key, encoding, kept)
+        self._kept = None if qos in UNKEPT or not kept else caches.ended.messages(key, encoding, kept)
+        self._asked_to_keep = kept
         self._caches = caches
         self._declared = ExitStack()
         self._turn = 0  # of being declared; callbacks compare it, as one with a session would release that at any time
         self._publisher: zenoh.Publisher | None = None
         self._small: zenoh.Publisher | None = None
         self._shared = SharedFrames() if qos in UNKEPT and shared_memory else None
+
+    def end(self) -> None:
+        """See `MessageWriter.end`. What it kept is for who follows on its key."""
+        super().end()
+        if self._kept is not None:
+            self._caches.ended.add(self._kept, self._asked_to_keep)
 
     @property
     def number_of(self) -> str:

@@ -85,6 +85,34 @@ async def test_all_that_is_kept_comes_once_and_in_order_whoever_was_cut_off() ->
         assert subscription.counts.missed == 0
 
 
+async def test_a_publisher_that_ends_with_its_link_loses_nothing_if_it_is_opened_again() -> None:
+    endpoint = free_endpoint()
+    async with (
+        running(ROUTER, endpoint, str(LEASE_S)),
+        severable(int(endpoint.rpartition(":")[2])) as relay,
+        open_bus(client(f"tcp/127.0.0.1:{relay.port}")) as there,
+        open_bus(client(endpoint)) as here,
+        here.subscribe(KEY, QUEUE(10_000), recover=1_000) as subscription,
+    ):
+        for turn in (b"1", b"2"):
+            async with there.publisher(KEY, QoS.RESULT, kept=1_000) as out:
+                await until(lambda: out.wanted)
+                out.put(b"before " + turn)
+                while (older := (await next_of(subscription)).payload) != b"before " + turn:
+                    assert older == b"into a lost link 1"
+                relay.sever()
+                out.put(b"into a lost link " + turn)
+                await until(lambda: there.link_problem)
+            relay.mend()
+            await until(lambda: not there.link_problem)
+        async with there.publisher(KEY, QoS.RESULT, kept=1_000) as out:
+            await until(lambda: out.wanted)
+            out.put(b"after")
+            got = [(await next_of(subscription)).payload for _ in range(2)]
+        assert got == [b"into a lost link 2", b"after"]
+        assert (subscription.counts.received, subscription.counts.missed) == (5, 0)
+
+
 async def test_many_publishers_are_all_declared_and_all_their_histories_had() -> None:
     endpoint = free_endpoint()
     async with running(ROUTER, endpoint, str(LEASE_S)), open_bus(client(endpoint)) as there, AsyncExitStack() as stack:

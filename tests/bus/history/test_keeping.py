@@ -11,7 +11,7 @@ import zenoh
 from zenoh import ext
 
 from bus import QUEUE, QoS, open_bus
-from bus.history.keeping import CacheServer, KeptMessages
+from bus.history.keeping import RESUMED_S, CacheServer, EndedPublishers, KeptMessages
 from bus.history.numbering import CACHE, stamp_of
 from bus.presence.own_tokens import OwnTokens
 from bus.zenoh_bus import ZenohBus
@@ -21,6 +21,24 @@ from tests.waiting import next_of, until
 
 KEY = "fleet/r1/front/classes"
 PREFIX = "fleet/r1"
+
+
+def test_who_follows_on_a_key_goes_on_with_what_was_kept_for_a_while() -> None:
+    now_s = 0.0
+    ended = EndedPublishers(lambda: now_s)
+    first = ended.messages(KEY, "text", 3)
+    first.add(b"one")
+    ended.add(first, 3)
+    assert ended.messages(KEY, "other", 3) is not first
+    assert ended.messages(KEY, "text", 4) is not first
+    assert ended.messages(KEY, "text", 3) is first
+    assert ended.messages(KEY, "text", 3) is not first, "two at once"
+    ended.add(first, 3)
+    now_s = RESUMED_S + 0.1
+    assert ended.messages(KEY, "text", 3) is not first
+    newest = ended.messages(KEY, "text", 1)
+    ended.add(newest, 1)
+    assert ended.messages(KEY, "text", 1) is not newest
 
 
 @pytest.fixture
