@@ -73,7 +73,7 @@ class Place:
 
     def admit(self, *robots: str) -> None:
         """Write access rules for these robots and the centre."""
-        roles = {CENTRE: ["monitor", "worldmodel", "detector", "operator"]}
+        roles = {CENTRE: ["monitor", "worldmodel", "detector", "operator", "router"]}
         rules = access_control(FleetFile.model_validate({"robots": robots, "roles": roles}))
         new = self.access.with_suffix(".new")
         new.write_text(json.dumps(rules), encoding="utf-8")

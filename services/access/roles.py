@@ -32,6 +32,7 @@ class Role(StrEnum):
     OPERATOR = "operator"
     OBSERVER = "observer"
     WAREHOUSE = "warehouse"
+    ROUTER = "router"
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +113,9 @@ OF_ALL: Final = {
         watches=PRESENCE,
     ),
     Role.OPERATOR: Permissions(asks=(*ALL, MODELS), hears=(*ALL, MODELS), shows=WANTED, watches=PRESENCE),
+    Role.ROUTER: Permissions(
+        sends=(*ALL, MODELS), asks=(*ALL, MODELS), hears=(*ALL, MODELS), shows=PRESENCE, watches=PRESENCE
+    ),  # it passes on what it let in under the same rules
     Role.OBSERVER: Permissions(hears=("fleet/*/*/classes",), watches=("fleet/*/*/classes/alive",), learns=()),
 }
 """Permissions that are the same whatever the certificate's name."""

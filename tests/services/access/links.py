@@ -31,7 +31,21 @@ roles:
   berlin: warehouse
 denied: [r3]
 """
-NAMES: Final = ("central", "r1", "r2", "r3", "gpu1", "rack1", "world1", "central2", "ann", "wall", "berlin", "stranger")
+NAMES: Final = (
+    "central",
+    "second",
+    "r1",
+    "r2",
+    "r3",
+    "gpu1",
+    "rack1",
+    "world1",
+    "central2",
+    "ann",
+    "wall",
+    "berlin",
+    "stranger",
+)
 
 QUIET_S: Final = 0.25
 """What is let through has arrived by then, on a loopback link."""
@@ -56,14 +70,20 @@ def settings_of(folder: Path, name: str, **more: object) -> BusSettings:
 
 @contextmanager
 def router(
-    folder: Path, *, fleet: str = FLEET, rules: bool = True, access: Mapping[str, Any] | None = None
+    folder: Path,
+    *,
+    fleet: str = FLEET,
+    rules: bool = True,
+    access: Mapping[str, Any] | None = None,
+    name: str = "central",
+    connect: Sequence[str] = (),
 ) -> Iterator[tuple[zenoh.Session, str]]:
     """Open a router, with access rules or without; yield its own session, which they do not bind, and its endpoint.
 
-    access: the rules, instead of those for `fleet`.
+    access: the rules, instead of those for `fleet`. name: in its certificate. connect: to other routers.
     """
     endpoint = free_endpoint().replace("tcp/127.0.0.1", "tls/127.0.0.1")
-    settings = settings_of(folder, "central", mode="router", listen=[endpoint])
+    settings = settings_of(folder, name, mode="router", listen=[endpoint], connect=connect)
     config = session_config(settings, access=access or access_control(read_fleet(fleet)) if rules else None)
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
         yield session, endpoint

@@ -1,0 +1,88 @@
+"""Two routers with the same rules, linked to each other: within these, members of one hear those of the other."""
+
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from tests.services.access.links import QUIET_S, Seen, make_pki, member, router, until_matching
+
+FLEET = """
+robots: [r1, r2]
+roles:
+  central: [monitor, ROLE]
+  second: ROLE
+  ann: operator
+  wall: observer
+"""
+
+
+@pytest.fixture(scope="module")
+def pki(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("routers") / "pki"
+    make_pki(folder)
+    return folder
+
+
+@pytest.fixture(params=["router", "observer"])
+def members(request: pytest.FixtureRequest, pki: Path) -> Iterator[tuple[bool, dict[str, zenoh.Session]]]:
+    """Yield whether the routers have the role, a robot at the second one, and others at the first."""
+    fleet = FLEET.replace("ROLE", request.param)
+    with (
+        router(pki, fleet=fleet) as (central, first),
+        router(pki, fleet=fleet, name="second", connect=[first]) as (other, second),
+        member(pki, "r1", second) as robot,
+        member(pki, "ann", first) as ann,
+        member(pki, "wall", first) as wall,
+    ):
+        end = time.monotonic() + 10
+        while not (central.info.routers_zid() and other.info.routers_zid()):
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        time.sleep(QUIET_S)  # each learns whom the other has
+        yield request.param == "router", {"r1": robot, "ann": ann, "wall": wall}
+
+
+def test_a_robot_at_one_is_heard_at_the_other_by_those_who_may(
+    members: tuple[bool, dict[str, zenoh.Session]],
+) -> None:
+    are_routers, of = members
+    color = "fleet/r1/front/color"
+    for name, key, allowed in (
+        ("ann", "fleet/r1/front/classes", True),
+        ("ann", color, True),
+        ("wall", "fleet/r1/front/classes", True),
+        ("wall", color, False),
+        ("ann", "fleet/r2/front/classes", False),  # the robot speaks for another one
+    ):
+        expected = are_routers and allowed
+        seen = Seen()
+        publisher, subscriber = of["r1"].declare_publisher(key), of[name].declare_subscriber(key, seen)
+        until_matching(publisher, expected=expected)
+        assert seen.after(partial(publisher.put, b"x"), expected=int(expected)) == [key] * expected, (name, key)
+        subscriber.undeclare()
+        publisher.undeclare()
+
+
+def test_its_presence_is_too(members: tuple[bool, dict[str, zenoh.Session]]) -> None:
+    are_routers, of = members
+    seen = Seen()
+    subscriber = of["ann"].liveliness().declare_subscriber("fleet/*/alive", seen)
+    tokens: list[zenoh.LivelinessToken] = []
+
+    def show(robot: str) -> None:
+        tokens.append(of["r1"].liveliness().declare_token(f"fleet/{robot}/alive"))
+
+    assert seen.after(lambda: show("r1"), expected=int(are_routers)) == ["fleet/r1/alive"] * are_routers
+    assert seen.after(lambda: show("r2"), expected=0) == []
+    subscriber.undeclare()
+
+
+def test_and_what_it_answers(members: tuple[bool, dict[str, zenoh.Session]]) -> None:
+    are_routers, of = members
+    with of["r1"].declare_queryable("fleet/r1/call", lambda query: query.reply("fleet/r1/call", b"here")):
+        answers = [reply.ok is not None for _ in range(20) for reply in of["ann"].get("fleet/r1/call", timeout=0.5)]
+    assert any(answers) == are_routers
