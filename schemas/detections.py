@@ -85,7 +85,7 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True):
     their camera. Its lowest TRACK_COUNT_BITS bits count from 1. Absent while nothing is tracked, and of an object that
     has not been seen often or surely enough to be followed.
     rotated: of a model for rotated boxes, whose masks they are. keypoints: of a model for poses, as many and in the
-    order that it was trained with, mostly COCO's 17 of people; masks then are drawn along them.
+    order that it was trained with, mostly COCO's 17 of people.
     """
 
     name: Label

@@ -15,7 +15,16 @@ from typing import Final
 import msgspec
 
 from schemas.tuning import Tuning
-from services.detector.model import SILENT, DetectedObjects, Model, ModelError, Outcome, Request, TuningError
+from services.detector.model import (
+    SILENT,
+    SILENT_OF_POSES,
+    DetectedObjects,
+    Model,
+    ModelError,
+    Outcome,
+    Request,
+    TuningError,
+)
 from services.detector.watchdog import HUNG, WATCH_S
 
 log = logging.getLogger(__name__)
@@ -23,7 +32,10 @@ log = logging.getLogger(__name__)
 TRIAL_S: Final = HUNG * WATCH_S / 2
 """Seconds that a call may take where another model can answer instead: that is before the worker counts as hung."""
 
-BOXES_ONLY: Final = "no masks are drawn, distances and objects are silent"
+BOXES_ONLY: Final = {
+    SILENT: "no masks are drawn, distances and objects are silent",
+    SILENT_OF_POSES: "no masks are drawn, and objects are silent",
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,7 +239,10 @@ class FleetModel:
 
 def _of_any_model(remark: str) -> str:
     """Return a model's remark as it holds where overlays are offered whether it has masks or not."""
-    return remark.removesuffix(SILENT) + BOXES_ONLY if remark.endswith(SILENT) else remark
+    for silent, boxes_only in BOXES_ONLY.items():
+        if remark.endswith(silent):
+            return remark.removesuffix(silent) + boxes_only
+    return remark
 
 
 def _named(outcome: Outcome, label: str) -> Outcome:

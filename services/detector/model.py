@@ -13,6 +13,9 @@ from schemas.tuning import Tuning
 SILENT: Final = "overlay/segmentation, distances and objects are silent"
 """The end of a remark that says that a model has no masks."""
 
+SILENT_OF_POSES: Final = "overlay/segmentation and objects are silent"
+"""The same of a model whose keypoints give distances."""
+
 
 class ModelError(Exception):
     """The model cannot be used, or stopped working; the message says which model and why."""

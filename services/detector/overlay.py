@@ -1,6 +1,7 @@
 """Draws a model's detections over the image they were found in. Pure."""
 
 import colorsys
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,7 +13,7 @@ import simplejpeg
 from numpy.typing import NDArray
 
 from schemas.compression import JPEG
-from schemas.detections import IN_VIEW, TRACK_COUNT_BITS, Detection, Detections
+from schemas.detections import IN_VIEW, TRACK_COUNT_BITS, Box, Detection, Detections
 from schemas.header import Header
 from schemas.image import ImageFrame
 from services.detector.pixels import to_bgr
@@ -77,7 +78,11 @@ def drawings(picture: Picture, objects: Sequence[Detection], masks: Iterable[boo
         MaskError: a mask is damaged.
     """
     line = max(1, round(min(picture.shape[:2]) / 240))
-    signs = [_Sign.of(found, line) for found in reversed(objects)]
+    above = Counter[Box]()
+    signs: list[_Sign] = []
+    for found in objects:
+        signs.insert(0, _Sign.of(found, line, above[found.box]))
+        above[found.box] += 1
     for each in masks:
         drawn = picture.copy()
         if each:
@@ -91,17 +96,18 @@ def drawings(picture: Picture, objects: Sequence[Detection], masks: Iterable[boo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sign:
-    """An object's box and its rendered caption. line: width in pixels."""
+    """An object's box and its rendered caption. line: width in pixels. above: captions at the same box above it."""
 
     found: Detection
     color: Color
     line: int
     caption: Picture
+    above: int
 
     @classmethod
-    def of(cls, found: Detection, line: int) -> "_Sign":
+    def of(cls, found: Detection, line: int, above: int) -> "_Sign":
         color = color_of(found.label)
-        return cls(found, color, line, _written(caption(found), color, line))
+        return cls(found, color, line, _written(caption(found), color, line), above)
 
     def frame(self, drawn: Picture) -> None:
         """Draw the box, upright or rotated, and keypoints in it."""
@@ -124,7 +130,7 @@ class _Sign:
         (height, width), (high, wide) = drawn.shape[:2], self.caption.shape[:2]
         left, top, _, _ = self._corners(height, width)
         left = max(0, min(left, width - wide + 1))
-        top = max(0, min(top, height - 1) - high + 1)
+        top = max(0, min(top, height - 1) - high + 1) + self.above * high
         under = drawn[top : top + high, left : left + wide]
         under[...] = self.caption[: under.shape[0], : under.shape[1]]
 

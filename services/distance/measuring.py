@@ -8,11 +8,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.detections import IN_VIEW, Detection, Keypoint
+from schemas.detections import Detection
 from schemas.distances import Measured, ObjectDistance, Place
 from schemas.header import MAX_LABEL
 from schemas.space import MAX_COORDINATE_M, MAX_DISTANCE_M
 from services.distance.depth_readings import RING, Criteria, Picked, pick
+from services.distance.keypoints import NEEDED, KeypointReadings, read_keypoints
 from services.geometry.camera import CameraModel
 from services.geometry.depth import Depth
 from services.geometry.errors import GeometryError, MaskError
@@ -29,13 +30,6 @@ AT_ONCE: Final = 1 << 21
 
 _NOISE: Final = 0.01
 """Share of an object's readings that may be nearer than its reported nearest point."""
-
-_PATCH: Final = np.array([(x, y) for y in range(-2, 3) for x in range(-2, 3)]).T
-"""Pixels around a keypoint that are looked at: columns and rows from its own."""
-
-_SURFACE_M: Final = 0.1
-_REACH_M: Final = 1.5
-"""How far from an object's distance its keypoints may be: an arm, a fork."""
 
 _NOWHERE: Final = "the camera's distortion model gives its pixels no direction"
 _SIGMA: Final = 1.4826
@@ -74,49 +68,60 @@ def measure(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -
     measured: dict[int, ObjectDistance] = {}
     for windows in groups(objects, measured):
         measured.update((each.index, each) for each in _measured(objects, windows, view, criteria))
-    return [_with_keypoints(measured[index], found, view) for index, found in enumerate(objects)]
+    for index, readings in read_keypoints(objects, view.depth):
+        if objects[index].mask is None:
+            measured[index] = _by_keypoints(index, objects[index], readings, view)
+        measured[index] = _with_keypoints(measured[index], readings, view)
+    return [measured[index] for index in range(len(objects))]
 
 
-def _with_keypoints(measured: ObjectDistance, found: Detection, view: DepthView) -> ObjectDistance:
-    """Return an object's distance with the places of its keypoints, if it has these."""
-    if not found.keypoints or measured.measured is None or isinstance(view.camera, str):
+def _by_keypoints(index: int, found: Detection, readings: KeypointReadings, view: DepthView) -> ObjectDistance:
+    """Return the distance of an object without a mask: what most of its keypoints in view agree on."""
+    z = readings.z
+    own = readings.near(float(np.nanmedian(z)) if np.isfinite(z).any() else np.nan)
+    count, in_view = int(own.sum()), max(readings.in_view, 1)
+    if count < NEEDED:
+        reason = (
+            f"{count} of its {readings.in_view} keypoints in view have a reading near each other, {NEEDED} are needed"
+        )
+        return _unknown(index, found, count / in_view, reason)
+    near = z[own]
+    row = np.where(own, z, 0.0)[np.newaxis].astype(np.float32)
+    ((euclidean_m,), (places,)) = _placed(row, readings.at[np.newaxis], own[np.newaxis], own[np.newaxis], view)
+    axial_m = float(np.median(near))
+    measured = Measured(
+        axial_m=axial_m,
+        euclidean_m=euclidean_m,
+        mean_m=float(near.mean()),
+        nearest_m=float(near.min()),
+        spread_m=float(_SIGMA * np.median(np.abs(near - axial_m))),
+        places=places,
+    )
+    return ObjectDistance(
+        name=found.name, index=index, track=found.track, valid_share=count / in_view, measured=measured
+    )
+
+
+def _with_keypoints(measured: ObjectDistance, readings: KeypointReadings, view: DepthView) -> ObjectDistance:
+    """Return an object's distance with the places of its keypoints."""
+    if measured.measured is None or isinstance(view.camera, str):
         return measured
-    places = measured.measured.places
-    points = _keypoints(found.keypoints, measured.measured.axial_m, view.depth, view.camera)
-    seen = np.isfinite(points).all(axis=1)
+    z, (x, y) = readings.z, view.camera.rays_of(readings.at)
+    points = np.stack([x * z, y * z, z], axis=1)
+    own = readings.near(measured.measured.axial_m)
     moves = [np.identity(4), *(frame.from_camera for frame in view.frames)]
-    located = [
+    places = [
         place
         if place.at is None or isinstance(move, str)
-        else msgspec.structs.replace(place, keypoints=_vectors(moved(move, points), seen))
-        for place, move in zip(places, moves, strict=True)
+        else msgspec.structs.replace(place, keypoints=_vectors(moved(move, points), own))
+        for place, move in zip(measured.measured.places, moves, strict=True)
     ]
-    return msgspec.structs.replace(measured, measured=msgspec.structs.replace(measured.measured, places=located))
+    return msgspec.structs.replace(measured, measured=msgspec.structs.replace(measured.measured, places=places))
 
 
-def _keypoints(keypoints: Sequence[Keypoint], axial_m: float, depth: Depth, camera: CameraModel) -> NDArray[Any]:
-    """Return the points of keypoints in the camera's frame, (n, 3); NaN where one is not in view, or not the object's.
-
-    Of the pixels around one, those on the nearest surface count: a hand before a wall is the hand.
-    """
-    height, width = depth.shape
-    columns, rows = (
-        np.minimum(np.array([getattr(each, axis) for each in keypoints]).astype(np.intp), size - 1)
-        for axis, size in (("x", width), ("y", height))
-    )
-    around = np.clip(columns[:, None] + _PATCH[0], 0, width - 1), np.clip(rows[:, None] + _PATCH[1], 0, height - 1)
-    z = depth.metres_of(around[1] * width + around[0])
-    z = np.where(np.abs(z - axial_m) <= _REACH_M, z, np.inf)
-    on_surface = z <= z.min(axis=1, keepdims=True) + _SURFACE_M
-    known = np.array([each.score >= IN_VIEW for each in keypoints]) & np.isfinite(z).any(axis=1)
-    middle = np.where(known, _medians(z, on_surface & np.isfinite(z)), np.nan)
-    x, y = camera.rays_of(rows * width + columns)
-    return np.stack([x * middle, y * middle, middle], axis=1)
-
-
-def _vectors(points: NDArray[Any], seen: NDArray[np.bool_]) -> list[tuple[float, float, float] | None]:
-    near = seen & (np.abs(np.nan_to_num(points)) <= MAX_COORDINATE_M).all(axis=1)
-    return [(x, y, z) if known else None for (x, y, z), known in zip(points.tolist(), near.tolist(), strict=True)]
+def _vectors(points: NDArray[Any], own: Bools) -> list[tuple[float, float, float] | None]:
+    own = own & (np.abs(points) <= MAX_COORDINATE_M).all(axis=1)  # False of NaN
+    return [(x, y, z) if known else None for (x, y, z), known in zip(points.tolist(), own.tolist(), strict=True)]
 
 
 def measure_apart(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -> list[ObjectDistance]:

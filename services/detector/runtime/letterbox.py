@@ -6,6 +6,7 @@ from typing import Final
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 PADDING: Final = 114
 """The grey around a letterboxed image, as in training."""
@@ -24,6 +25,12 @@ class Axis:
     before: int
     input: int
 
+    @property
+    def shown(self) -> tuple[float, float]:
+        """The part of the image that fills the input, where something is cut off."""
+        scale = self.image / self.content
+        return -self.before * scale, min((self.input - self.before) * scale, self.image)
+
     def to_image(self, places: NDArray[np.float32]) -> NDArray[np.float32]:
         """Map coordinates of the input to the image, clipped to its borders."""
         return np.asarray(np.clip(self.beyond(places), 0, self.image), np.float32)
@@ -35,10 +42,14 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Letterbox:
-    """The placement of an image in a model's input: scaled and padded to fit, or stretched to fill it."""
+    """The placement of an image in a model's input: scaled and padded to fit, or stretched to fill it.
+
+    smooth: whether pixels of an image that is made smaller are averages of all that they stand for.
+    """
 
     rows: Axis
     columns: Axis
+    smooth: bool = False
 
     @classmethod
     def fit(
@@ -70,13 +81,16 @@ class Letterbox:
 
     @classmethod
     def crop(cls, height: int, width: int, size: tuple[int, int]) -> "Letterbox":
-        """Scale an image to cover an input of `size`, height and width, and cut off what is beyond: for classifying."""
-        scale = max(size[0] / height, size[1] / width)
+        """Have an image fill an input of `size`, height and width, as models that classify take it.
+
+        A square input shows the middle of it, another one all of it, stretched.
+        """
+        sides = size if size[0] != size[1] else [side * size[0] // min(height, width) for side in (height, width)]
         rows, columns = (
-            Axis(image, content := max(int(image * scale), side), -round((content - side) / 2), side)
-            for image, side in zip((height, width), size, strict=True)
+            Axis(image, content, -round((content - side) / 2), side)
+            for image, content, side in zip((height, width), sides, size, strict=True)
         )
-        return cls(rows, columns)
+        return cls(rows, columns, smooth=True)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -86,13 +100,14 @@ class Letterbox:
     def apply(self, bgr: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
         """Write a BGR image into the input `out`, height x width x 3 in RGB."""
         rows, columns = self.rows, self.columns
+        if self.smooth:
+            (left, right), (top, bottom) = columns.shown, rows.shown
+            image = Image.fromarray(np.ascontiguousarray(bgr[..., ::-1]))
+            size, how = (columns.input, rows.input), Image.Resampling.BILINEAR
+            out[...] = np.asarray(image.resize(size, how, box=(left, top, right, bottom)))
+            return
         if bgr.shape[:2] != (rows.content, columns.content):
             bgr = np.asarray(cv2.resize(bgr, (columns.content, rows.content), interpolation=cv2.INTER_LINEAR), np.uint8)
-        if rows.content > rows.input or columns.content > columns.input:
-            top, left = -rows.before, -columns.before
-            bgr = bgr[top : top + rows.input, left : left + columns.input]
-            cv2.cvtColor(np.ascontiguousarray(bgr), cv2.COLOR_BGR2RGB, dst=out)
-            return
         if (rows.content, columns.content) == self.shape:
             cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB, dst=out)
             return

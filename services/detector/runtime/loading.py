@@ -37,8 +37,8 @@ def load_all(settings: DetectorSettings, folder: Path) -> Model:
     if settings.detection_model is None:
         _check_new_names(settings, read)
         return _ready(read, settings, folder)
-    if not read.file.task.has_masks:
-        raise ModelError(f"{read.what}: it has no masks, which --detection-model needs it for")
+    if (task := read.file.task).kind != "segment":
+        raise ModelError(f"{read.what}: for {task.title}, but beside --detection-model its masks are needed")
     boxes = {"model": settings.detection_model, "refine": False}
     read_boxes = _read(settings.model_copy(update=boxes), folder, "--detection-model")
     _check_new_names(settings, read, read_boxes)

@@ -41,8 +41,8 @@ class Task:
 
     @property
     def has_masks(self) -> bool:
-        """Whether objects get masks: a model's own, or drawn from rotated boxes or keypoints."""
-        return self.kind in {"segment", "obb", "pose"}
+        """Whether objects get masks: a model's own, or rotated boxes as such."""
+        return self.kind in {"segment", "obb"}
 
     @property
     def extras(self) -> int:

@@ -1,4 +1,4 @@
-"""Reads rotated boxes and keypoints off a model's output, and draws them as masks. Pure."""
+"""Reads rotated boxes, which are drawn as masks, and keypoints off a model's output. Pure."""
 
 from collections.abc import Iterator, Sequence
 from typing import Final
@@ -24,9 +24,7 @@ LIMBS: Final = (
     *((0, 1), (0, 2), (1, 3), (2, 4), (5, 7), (7, 9), (6, 8), (8, 10)),
     *((5, 6), (5, 11), (6, 12), (11, 12), (11, 13), (13, 15), (12, 14), (14, 16)),
 )
-TRUNK: Final = (5, 6, 12, 11)
-THICKNESS: Final = 0.06
-"""Of what is drawn of keypoints in masks, as a share of the box's longer side."""
+MAX_ROTATED: Final = 2_000
 
 _FRACTION: Final = 4
 """Bits of a pixel's fraction in OpenCV's coordinates."""
@@ -38,10 +36,10 @@ def rotated_suppressed(found: Candidates, labels: Integers, iou: float, most: in
     """Return which rotated boxes, best first, overlap no better one of their class by more than `iou`.
 
     Overlap is that of the Gaussians that fit the boxes (ProbIoU, Llerena et al. 2021), and a box that is suppressed
-    suppresses others all the same, as in Ultralytics.
+    suppresses others all the same, as in Ultralytics. Of the MAX_ROTATED best: each is compared with all before it.
     """
-    x, y, width, height = _middles(found.corners).T.astype(np.float64)
-    angles = found.coefficients[:, 0].astype(np.float64)
+    x, y, width, height = _middles(found.corners[:MAX_ROTATED]).T.astype(np.float64)
+    angles = found.coefficients[:MAX_ROTATED, 0].astype(np.float64)
     cos, sin = np.cos(angles), np.sin(angles)
     along, across = width**2 / 12, height**2 / 12
     a, b, c = along * cos**2 + across * sin**2, along * sin**2 + across * cos**2, (along - across) * cos * sin
@@ -73,7 +71,7 @@ def rotated_boxes(found: Candidates, letterbox: Letterbox) -> list[RotatedBox]:
     middles = _middles(found.corners)
     x, y = letterbox.columns.beyond(middles[:, 0]), letterbox.rows.beyond(middles[:, 1])
     scales = [axis.image / axis.content for axis in (letterbox.columns, letterbox.rows)]
-    sides = np.clip(middles[:, 2:] * np.sqrt(np.prod(scales)), 0, 2 * MAX_SIDE)
+    sides = np.clip(middles[:, 2:] * np.array(scales, np.float32), 0, 2 * MAX_SIDE)
     places = np.clip(np.stack([x, y], axis=1), -MAX_SIDE, 2 * MAX_SIDE)
     rows = np.concatenate([places, sides, np.remainder(found.coefficients[:, :1], np.pi)], axis=1)
     return [RotatedBox(*row) for row in rows.tolist()]
@@ -88,11 +86,15 @@ def corners_of(box: RotatedBox) -> Corners:
 
 
 def upright(boxes: Sequence[RotatedBox], letterbox: Letterbox) -> Floats:
-    """Return the upright boxes around what of rotated ones is in the image, n x 4."""
-    corners = np.array([corners_of(box) for box in boxes]).reshape(-1, 4, 2)
-    size = [letterbox.columns.image, letterbox.rows.image]
-    around = np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1)
-    return np.asarray(np.clip(around, 0, size * 2), np.float32)
+    """Return the upright boxes around what of rotated ones is in the image, n x 4; of nothing they are empty."""
+    right, bottom = letterbox.columns.image, letterbox.rows.image
+    image = np.array([(0, 0), (right, 0), (right, bottom), (0, bottom)], np.float32)
+    found = np.zeros((len(boxes), 4), np.float32)
+    for row, box in zip(found, boxes, strict=True):
+        area, inside = cv2.intersectConvexConvex(corners_of(box).astype(np.float32), image)
+        if area > 0 and inside is not None:
+            row[:2], row[2:] = inside.reshape(-1, 2).min(axis=0), inside.reshape(-1, 2).max(axis=0)
+    return np.asarray(np.clip(found, 0, [right, bottom] * 2), np.float32)
 
 
 def filled(boxes: Sequence[RotatedBox], around: Floats) -> Iterator[Window]:
@@ -111,30 +113,6 @@ def keypoints_of(found: Candidates, letterbox: Letterbox, task: Task) -> list[li
     scores = np.clip(numbers[..., 2], 0, 1) if task.has_scores else np.ones_like(x)
     rows = np.stack([x, y, scores], axis=2).tolist()
     return [[Keypoint(*point) for point in points] for points in rows]
-
-
-def drawn(keypoints: Sequence[Sequence[Keypoint]], boxes: Floats, letterbox: Letterbox) -> Iterator[Window]:
-    """Return masks along the keypoints that are in view: discs, and of people limbs and the trunk."""
-    high, wide = letterbox.rows.image, letterbox.columns.image
-    sides = (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0).tolist()
-    for points, side in zip(keypoints, sides, strict=True):
-        thick = max(3, round(side * THICKNESS))
-        places = {n: (each.x, each.y) for n, each in enumerate(points) if each.score >= IN_VIEW}
-        if not places:
-            yield Window(0, 0, np.zeros((0, 0), np.bool_))
-            continue
-        inside = np.array(list(places.values()))
-        left, top = np.maximum(inside.min(axis=0) - thick, 0).astype(int).tolist()
-        right, bottom = np.minimum(np.ceil(inside.max(axis=0)) + thick, [wide, high]).astype(int).tolist()
-        mask = np.zeros((bottom - top, right - left), np.uint8)
-        at = {n: _fixed(np.array([place]), left, top)[0] for n, place in places.items()}
-        for place in at.values():
-            cv2.circle(mask, place, (thick << _FRACTION) // 2, 1, cv2.FILLED, shift=_FRACTION)
-        for one, other in shown_limbs(points):
-            cv2.line(mask, at[one], at[other], 1, thick, shift=_FRACTION)
-        if len(points) == PEOPLE and all(n in at for n in TRUNK):
-            cv2.fillConvexPoly(mask, np.array([at[n] for n in TRUNK]), 1, shift=_FRACTION)
-        yield Window(top, left, mask.view(np.bool_))
 
 
 def shown_limbs(points: Sequence[Keypoint]) -> Iterator[tuple[int, int]]:

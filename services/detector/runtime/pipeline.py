@@ -17,7 +17,16 @@ from schemas.header import MAX_LABEL
 from schemas.image import ImageFrame
 from schemas.tuning import Tuning
 from services.detector.frame_counts import FAILED, MALFORMED
-from services.detector.model import SILENT, DetectedObjects, Failed, ModelError, Outcome, Request, first_line
+from services.detector.model import (
+    SILENT,
+    SILENT_OF_POSES,
+    DetectedObjects,
+    Failed,
+    ModelError,
+    Outcome,
+    Request,
+    first_line,
+)
 from services.detector.pixels import PictureError, to_bgr
 from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
@@ -77,7 +86,8 @@ class Facts:
     def letterbox(self, height: int, width: int) -> Letterbox:
         """Return how an image of this size is fitted into the model's input."""
         if self.task.kind == "classify":
-            return Letterbox.crop(height, width, self.fixed or (self.longest, self.longest))
+            side = self.longest + -self.longest % self.stride
+            return Letterbox.crop(height, width, self.fixed or (side, side))
         stretched = self.head == "rt-detr"
         return Letterbox.fit(height, width, self.longest, self.stride, stretched=stretched, fixed=self.fixed)
 
@@ -117,7 +127,8 @@ class Pipeline:
         self.in_flight = in_flight
         self.facts = facts
         self.segments = facts.task.has_masks
-        self.remarks: tuple[str, ...] = () if self.segments else (f"{facts.name} has no masks: {SILENT}",)
+        silent = SILENT_OF_POSES if facts.task.kind == "pose" else SILENT
+        self.remarks: tuple[str, ...] = () if self.segments else (f"{facts.name} has no masks: {silent}",)
         self._engine = engine
         self._blank = blank
         self._reference = reference

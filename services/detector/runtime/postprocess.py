@@ -17,7 +17,6 @@ from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.masks import Taps, encode_all
 from services.detector.runtime.model_file import Head, Task
 from services.detector.runtime.object_shapes import (
-    drawn,
     filled,
     keypoints_of,
     rotated_boxes,
@@ -149,12 +148,12 @@ def objects(
 def _shaped(
     found: Candidates, letterbox: Letterbox, labels: list[int], task: Task, *, masks: bool
 ) -> Iterator[Detection]:
-    """Yield objects that have rotated boxes or keypoints, with these, and as their masks if wanted; unnamed."""
+    """Yield objects that have rotated boxes, also as their masks if wanted, or keypoints; without names."""
     rotated = rotated_boxes(found, letterbox) if task.kind == "obb" else []
     keypoints = keypoints_of(found, letterbox, task) if task.kind == "pose" else []
     boxes = upright(rotated, letterbox) if rotated else _in_image(found.corners, letterbox)
-    windows = filled(rotated, boxes) if rotated else drawn(keypoints, boxes, letterbox)
-    encoded = encode_all(windows, letterbox.rows.image, letterbox.columns.image) if masks else iter(())
+    size = letterbox.rows.image, letterbox.columns.image
+    encoded = encode_all(filled(rotated, boxes), *size) if masks and rotated else iter(())
     shapes = zip_longest(labels, found.scores.tolist(), boxes.tolist(), encoded, rotated, keypoints)
     for label, score, box, mask, turned, points in shapes:
         if box[0] < box[2] and box[1] < box[3]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import torch
 from ultralytics.models import YOLO
 from ultralytics.nn import tasks
@@ -102,6 +103,11 @@ def _check(module: Any) -> None:
     channels = getattr(module, "yaml", {}).get("channels", COLOURS)
     if channels != COLOURS:
         raise CheckpointError(f"it is for images of {channels} channels, and cameras have {COLOURS}: train it on RGB")
+    for step in getattr(getattr(module, "transforms", None), "transforms", ()):
+        if np.any(np.asarray(getattr(step, "mean", 0)) != 0) or np.any(np.asarray(getattr(step, "std", 1)) != 1):
+            raise CheckpointError(
+                "it is for images of another mean and spread: train it with Ultralytics' own transforms"
+            )
 
 
 def _names(module: Any) -> dict[int, str]:

@@ -88,6 +88,14 @@ def test_exactly_the_pixels_of_a_mask_are_tinted(place: tuple[slice, slice]) -> 
     assert np.array_equal(tinted[~inside], framed[~inside])
 
 
+def test_captions_of_the_same_box_are_below_one_another() -> None:
+    whole = [msgspec.structs.replace(detection(Box(0, 0, 160, 120), label=label), mask=None) for label in range(3)]
+    all_three, best = draw(grey(), whole, masks=False), draw(grey(), whole[:1], masks=False)
+    below = [{tuple(pixel) for pixel in all_three[:60, 2]} & {color_of(label)} for label in range(3)]
+    assert all(below)
+    assert color_of(1) not in {tuple(pixel) for pixel in best[:60, 2]}
+
+
 def test_captions_stay_in_the_picture() -> None:
     corners = [Box(0, 0, 10, 10), Box(150, 0, 160, 10), Box(150, 110, 160, 120), Box(0, 0, 160, 120)]
     for box in corners:

@@ -2,7 +2,7 @@ import pytest
 
 from schemas.detections import Box, Detection, Mask
 from schemas.tuning import Tuning
-from services.detector.model import SILENT, DetectedObjects, Failed, ModelError, Request, TuningError
+from services.detector.model import SILENT, SILENT_OF_POSES, DetectedObjects, Failed, ModelError, Request, TuningError
 from services.detector.pairing import PairedModel, joined
 from tests.services.detector.support.fakes import FakeModel
 from tests.services.detector.support.told_model import ToldModel
@@ -61,7 +61,10 @@ async def test_what_ends_one_model_is_the_error_that_callers_of_any_model_know(w
 
 
 async def test_the_second_model_is_asked_only_where_masks_are_wanted() -> None:
-    boxes, masks = FakeModel(segments=False, remarks=(f"fake has no masks: {SILENT}", "slow")), FakeModel()
+    boxes, masks = (
+        FakeModel(segments=False, remarks=(f"fake has no masks: {SILENT}", f"a {SILENT_OF_POSES}", "slow")),
+        FakeModel(),
+    )
     model = PairedModel(boxes, masks)
     with_mask, without = await model.infer(
         [Request(FRONT, frame(0), masks=True), Request(FRONT, frame(1), masks=False)]

@@ -2,7 +2,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from schemas.detections import Keypoint, Mask
+from schemas.detections import Mask
 from schemas.distances import Measured, ObjectDistance
 from services.distance.depth_readings import Criteria
 from services.distance.measuring import DepthView, Frame, measure, measure_apart, unknown
@@ -222,24 +222,6 @@ def test_a_large_mask_is_measured_at_every_nth_row_and_column(monkeypatch: pytes
     assert known(thin).places[0].at == pytest.approx(known(whole).places[0].at, abs=0.05)
     nowhere = measure(found(mask(ROWS, COLUMNS)), view(np.full_like(depth, NAN)), Criteria())[0]
     assert nowhere.unknown == "0 of its 640 pixels have a reading, 30 are needed"  # 40 that each stand for 16
-
-
-def test_keypoints_are_placed_on_the_surface_that_is_nearest_and_the_objects() -> None:
-    depth = wall(4.0)
-    depth[ROWS, COLUMNS] = 2.0
-    depth[20:22, 49:51] = 1.5  # a hand, at the silhouette
-    points = [Keypoint(30, 20, 0.9), Keypoint(50, 20, 0.9), Keypoint(60, 40, 0.9), Keypoint(32, 22, 0.4)]
-    person = [msgspec.structs.replace(found(mask(ROWS, COLUMNS))[0], keypoints=points)]
-    shift = np.identity(4)
-    shift[0, 3] = 10.0
-    frames = (Frame("base", shift), Frame("map", "no transforms"))
-    camera_place, base, nowhere = known(measure(person, view(depth, "none", *frames), Criteria())[0]).places
-    trunk, hand, other, unsure = camera_place.keypoints
-    assert trunk == pytest.approx((2 * (30 - 31.5) / 50, 2 * (20 - 23.5) / 50, 2.0))
-    assert hand == pytest.approx((1.5 * (50 - 31.5) / 50, 1.5 * (20 - 23.5) / 50, 1.5))
-    assert (other, unsure) == (None, None)
-    assert base.keypoints[0] == pytest.approx((2 * (30 - 31.5) / 50 + 10, 2 * (20 - 23.5) / 50, 2.0))
-    assert nowhere.keypoints == []
 
 
 def test_nothing_in_view() -> None:

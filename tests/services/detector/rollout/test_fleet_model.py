@@ -11,7 +11,16 @@ from schemas.keys import CameraKey
 from schemas.tuning import Tuning
 from services.detector import fleet_model
 from services.detector.fleet_model import FleetModel, LoadedModel
-from services.detector.model import SILENT, DetectedObjects, Failed, ModelError, Outcome, Request, TuningError
+from services.detector.model import (
+    SILENT,
+    SILENT_OF_POSES,
+    DetectedObjects,
+    Failed,
+    ModelError,
+    Outcome,
+    Request,
+    TuningError,
+)
 from tests.services.detector.support.requests import frame_of
 from tests.services.detector.support.told_model import FATAL, ToldModel
 from tests.waiting import until
@@ -127,6 +136,8 @@ def test_it_says_of_both_models_what_there_is_to_say() -> None:
     old.remarks = (f"a has no masks: {SILENT}", "another remark")
     without = "a has no masks: no masks are drawn, distances and objects are silent"
     assert model.remarks == ("c is refused", without, "another remark")
+    old.remarks = (f"a has no masks: {SILENT_OF_POSES}",)
+    assert model.remarks[1] == "a has no masks: no masks are drawn, and objects are silent"
     assert msgspec.structs.asdict(model.tuning) == msgspec.structs.asdict(Tuning())
 
 

@@ -124,7 +124,7 @@ def test_a_model_without_masks_is_refused_beside_one_that_needs_its_masks(tmp_pa
     YOLO("yolo11n.yaml").save(boxes)
     with pytest.raises(ModelError) as refused:
         load_all(settings(model_folder, model=str(boxes), detection_model=str(boxes)), model_folder / "ultralytics")
-    assert str(refused.value) == f"--model {boxes}: it has no masks, which --detection-model needs it for"
+    assert str(refused.value) == f"--model {boxes}: for detection, but beside --detection-model its masks are needed"
 
 
 def test_a_model_of_another_task(tmp_path: Path, model_folder: Path) -> None:
