@@ -138,7 +138,6 @@ def test_yoloe_suppresses_boxes_whatever_their_classes_unless_told_otherwise(
         ("yolo26n.yaml", {}),
         ("yolo26n.yaml", {"nms": False}),
         ("yoloe-26n-seg.yaml", {"nms": False}),
-        ("yolov8n-rtdetr.yaml", {}),
     ],
 )
 def test_a_choice_of_head_is_the_same_in_an_exported_file(

@@ -70,7 +70,6 @@ def order(scores: Any) -> NDArray[np.intp]:
     ("architecture", "runtime", "options"),
     [
         ("yolo11n-obb.yaml", "torch", {}),
-        ("yolo11n-obb.yaml", "onnx", {}),
         ("yolo26n-obb.yaml", "torch", {}),
         ("yolo26n-obb.yaml", "onnx", {"nms": False}),
     ],
@@ -147,7 +146,6 @@ def test_rotated_boxes_are_suppressed_as_ultralytics_does(iou: float, model_fold
     ("architecture", "runtime", "options"),
     [
         ("yolo11n-pose.yaml", "torch", {}),
-        ("yolo11n-pose.yaml", "onnx", {}),
         ("yolo26n-pose.yaml", "torch", {}),
         ("yolo26n-pose.yaml", "onnx", {"nms": False}),
     ],
