@@ -18,6 +18,17 @@ def picture(height: int = 90, width: int = 150) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
+def built_file(architecture: str, files: dict[str, Path], head: str = "") -> Path:
+    """Return a model file of an architecture with this head, built if there is none yet. files: see the fixture."""
+    from tests.services.detector.runtime import built_models  # noqa: PLC0415 - after `keep_offline`
+
+    if architecture not in files:
+        model = built_models.build(architecture)
+        assert head in ("", type(model.model[-1]).__name__)
+        files[architecture] = built_models.write(model, files[""] / architecture.replace(".yaml", "-built.pt"))
+    return files[architecture]
+
+
 def bare(file: Path, image: NDArray[np.uint8], **options: object) -> Rows:
     """Return what Ultralytics finds, cut at the image's border as RT-DETR's boxes alone are not."""
     from ultralytics.models import YOLO  # noqa: PLC0415 - it must be offline by then

@@ -23,3 +23,9 @@ def shut_network(monkeypatch: pytest.MonkeyPatch, model_folder: Path) -> Iterato
     monkeypatch.setattr(socket.socket, "connect_ex", refuse)
     yield
     assert not tried
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return the model files built so far, by architecture, and their folder under an empty name."""
+    return {"": tmp_path_factory.mktemp("models")}

@@ -14,7 +14,16 @@ from services.detector.model import DetectedObjects, ModelError
 from services.detector.runtime import postprocess
 from services.detector.runtime.loading import load
 from services.detector.settings import DetectorSettings
-from tests.services.detector.runtime.bare_calls import SIDE, Rows, bare, check_same, nearest, picture, vars_of
+from tests.services.detector.runtime.bare_calls import (
+    SIDE,
+    Rows,
+    bare,
+    built_file,
+    check_same,
+    nearest,
+    picture,
+    vars_of,
+)
 from tests.services.detector.support.requests import request
 
 pytestmark = pytest.mark.usefixtures("shut_network", "covered_masks")
@@ -43,21 +52,8 @@ def covered_masks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(postprocess, "MOSTLY", 1.0)
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Return the model files built so far, by architecture."""
-    return {"": tmp_path_factory.mktemp("models")}
-
-
 def file_of(architecture: str, files: dict[str, Path]) -> Path:
-    """Return a model file of an architecture, built if there is none yet."""
-    from tests.services.detector.runtime import built_models  # noqa: PLC0415 - after `keep_offline`
-
-    if architecture not in files:
-        model = built_models.build(architecture)
-        assert type(model.model[-1]).__name__ == HEADS[architecture]
-        files[architecture] = built_models.write(model, files[""] / architecture.replace(".yaml", "-built.pt"))
-    return files[architecture]
+    return built_file(architecture, files, HEADS[architecture])
 
 
 def picture_for(architecture: str) -> NDArray[np.uint8]:

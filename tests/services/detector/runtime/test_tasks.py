@@ -19,26 +19,10 @@ from services.detector.runtime.object_shapes import corners_of, rotated_suppress
 from services.detector.runtime.postprocess import Output, objects
 from services.detector.settings import DetectorSettings
 from services.geometry.masks import decode
-from tests.services.detector.runtime.bare_calls import SIDE, picture
+from tests.services.detector.runtime.bare_calls import SIDE, built_file, picture
 from tests.services.detector.support.requests import request
 
 pytestmark = pytest.mark.usefixtures("shut_network")
-
-
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Return the model files built so far, by architecture."""
-    return {"": tmp_path_factory.mktemp("models")}
-
-
-def file_of(architecture: str, files: dict[str, Path]) -> Path:
-    """Return a model file of an architecture, built if there is none yet."""
-    from tests.services.detector.runtime import built_models  # noqa: PLC0415 - after `keep_offline`
-
-    if architecture not in files:
-        model = built_models.build(architecture)
-        files[architecture] = built_models.write(model, files[""] / architecture.replace(".yaml", "-built.pt"))
-    return files[architecture]
 
 
 def ours(file: Path, image: NDArray[np.uint8], folder: Path, **options: object) -> list[Detection]:
@@ -77,7 +61,7 @@ def order(scores: Any) -> NDArray[np.intp]:
 def test_rotated_boxes(
     architecture: str, runtime: str, options: dict[str, Any], files: dict[str, Path], model_folder: Path
 ) -> None:
-    file, image = file_of(architecture, files), picture()
+    file, image = built_file(architecture, files), picture()
     found = ours(file, image, model_folder, runtime=runtime, confidence=0.1, **options)
     expected = bare(file, image, conf=0.1, **options).obb
     assert len(found) == len(expected) >= 3
@@ -153,7 +137,7 @@ def test_rotated_boxes_are_suppressed_as_ultralytics_does(iou: float, model_fold
 def test_keypoints(
     architecture: str, runtime: str, options: dict[str, Any], files: dict[str, Path], model_folder: Path
 ) -> None:
-    file, image = file_of(architecture, files), picture()
+    file, image = built_file(architecture, files), picture()
     found = ours(file, image, model_folder, runtime=runtime, **options)
     expected = bare(file, image, **options)
     which = order(expected.boxes.conf)
@@ -175,7 +159,7 @@ def fine(height: int, width: int) -> NDArray[np.uint8]:
 
 @pytest.mark.parametrize("runtime", ["torch", "onnx"])
 def test_classes_of_a_whole_image(runtime: str, files: dict[str, Path], model_folder: Path) -> None:
-    file = file_of("yolo11n-cls.yaml", files)
+    file = built_file("yolo11n-cls.yaml", files)
     for image in (picture(), fine(1080, 1920), fine(700, 300), picture(SIDE, SIDE)):
         found = ours(file, image, model_folder, runtime=runtime, confidence=0.05)
         expected = bare(file, image).probs.data.numpy()
@@ -220,7 +204,7 @@ def test_a_model_that_classifies_pictures_of_another_mean_is_refused(
     import torch  # noqa: PLC0415 - after `keep_offline`
     from ultralytics.data.augment import classify_transforms  # noqa: PLC0415
 
-    whole = torch.load(file_of("yolo11n-cls.yaml", files), weights_only=False)
+    whole = torch.load(built_file("yolo11n-cls.yaml", files), weights_only=False)
     for mean, refused in (((0.0, 0.0, 0.0), False), ((0.485, 0.456, 0.406), True)):
         whole["model"].transforms = classify_transforms(SIDE, mean=mean)
         torch.save(whole, files[""] / "other-mean.pt")
@@ -232,14 +216,14 @@ def test_a_model_that_classifies_pictures_of_another_mean_is_refused(
 
 
 def test_what_is_silent_is_said_of_poses(files: dict[str, Path], model_folder: Path) -> None:
-    chosen = {"model": str(file_of("yolo11n-pose.yaml", files)), "runtime": "torch", "device": "cpu"}
+    chosen = {"model": str(built_file("yolo11n-pose.yaml", files)), "runtime": "torch", "device": "cpu"}
     model = load(DetectorSettings.model_validate(chosen), model_folder / "ultralytics")
     model.close()
     assert model.remarks == ("yolo11n-pose-built.pt has no masks: overlay/segmentation and objects are silent",)
 
 
 def test_settings_choose_among_classes_of_a_whole_image(files: dict[str, Path], model_folder: Path) -> None:
-    file = file_of("yolo11n-cls.yaml", files)
+    file = built_file("yolo11n-cls.yaml", files)
     best, *others = ours(file, picture(), model_folder, confidence=0.05)
     assert [each.label for each in ours(file, picture(), model_folder, confidence=0.05, classes=[best.name])] == [
         best.label
@@ -251,4 +235,4 @@ def test_settings_choose_among_classes_of_a_whole_image(files: dict[str, Path], 
 
 def test_a_model_that_classifies_has_no_head_to_choose(files: dict[str, Path], model_folder: Path) -> None:
     with pytest.raises(ModelError, match="a model that classifies whole images finds no boxes: leave it out"):
-        ours(file_of("yolo11n-cls.yaml", files), picture(), model_folder, nms=True)
+        ours(built_file("yolo11n-cls.yaml", files), picture(), model_folder, nms=True)
