@@ -49,7 +49,7 @@ def rotated_suppressed(found: Candidates, labels: Integers, iou: float, most: in
         end = min(begin + BLOCK, len(x))
         i, j = np.arange(begin, end)[:, None], np.arange(end)[None]
         a2, b2, c2 = a[i] + a[j], b[i] + b[j], c[i] + c[j]
-        size = a2 * b2 - c2**2
+        size = np.maximum(a2 * b2 - c2**2, 0)
         dx, dy = x[i] - x[j], y[i] - y[j]
         apart = ((a2 * dy**2 + b2 * dx**2) / 4 - c2 * dx * dy / 2) / (size + _LEAST)
         unlike = np.log(size / (4 * np.sqrt(sizes[i] * sizes[j]) + _LEAST) + _LEAST) / 2
