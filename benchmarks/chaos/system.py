@@ -25,6 +25,7 @@ from bus import BusSettings, open_bus
 from services.access.fleet_file import FleetFile
 from services.access.rules import access_control
 from services.toolbox.demo.children import free_ports
+from services.whole_file import write_whole
 
 HZ: Final = 4.0
 FRAMES: Final = 20
@@ -75,9 +76,7 @@ class Place:
         """Write access rules for these robots and the centre."""
         roles = {CENTRE: ["monitor", "worldmodel", "detector", "operator", "router"]}
         rules = access_control(FleetFile.model_validate({"robots": robots, "roles": roles}))
-        new = self.access.with_suffix(".new")
-        new.write_text(json.dumps(rules), encoding="utf-8")
-        new.replace(self.access)
+        write_whole(self.access, json.dumps(rules).encode())
 
 
 class System:

@@ -74,14 +74,14 @@ class EndedPublishers:
     def messages(self, key: str, encoding: str, most: int) -> KeptMessages:
         """Return what a new publisher of a key keeps, of which there may be some already."""
         self._forget_old()
-        _, found = self._ended.pop((key, encoding, most), (0.0, None))
+        _, found = self._ended.pop((key, encoding, min(most, MOST_KEPT)), (0.0, None))
         return found or KeptMessages(key, encoding, most)
 
-    def add(self, kept: KeptMessages, asked_for: int) -> None:
-        """Note that a publisher has ended. asked_for: how many it was to keep."""
+    def add(self, kept: KeptMessages) -> None:
+        """Note that a publisher has ended."""
         self._forget_old()
-        if asked_for > 1:  # a newest message alone is worth something only while who sent it is there
-            self._ended[kept.key, kept.encoding, asked_for] = self._clock(), kept
+        if kept.most > 1:  # a newest message alone is worth something only while who sent it is there
+            self._ended[kept.key, kept.encoding, kept.most] = self._clock(), kept
 
     def _forget_old(self) -> None:
         until_s = self._clock() - RESUMED_S

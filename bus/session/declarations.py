@@ -78,7 +78,6 @@ class ZenohPublisher(MessageWriter):
         self._qos = qos
         self._encoding = encoding
         self._kept = None if qos in UNKEPT or not kept else caches.ended.messages(key, encoding, kept)
-        self._asked_to_keep = kept
         self._caches = caches
         self._declared = ExitStack()
         self._turn = 0  # of being declared; callbacks compare it, as one with a session would release that at any time
@@ -90,7 +89,7 @@ class ZenohPublisher(MessageWriter):
         """See `MessageWriter.end`. What it kept is for who follows on its key."""
         super().end()
         if self._kept is not None:
-            self._caches.ended.add(self._kept, self._asked_to_keep)
+            self._caches.ended.add(self._kept)
 
     @property
     def number_of(self) -> str:

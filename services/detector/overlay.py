@@ -81,8 +81,9 @@ def drawings(picture: Picture, objects: Sequence[Detection], masks: Iterable[boo
     above = Counter[Box]()
     signs: list[_Sign] = []
     for found in objects:
-        signs.insert(0, _Sign.of(found, line, above[found.box]))
+        signs.append(_Sign.of(found, line, above[found.box]))
         above[found.box] += 1
+    signs.reverse()  # the best is drawn last
     for each in masks:
         drawn = picture.copy()
         if each:

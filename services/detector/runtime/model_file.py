@@ -50,6 +50,8 @@ class Task:
         return 1 if self.kind == "obb" else self.keypoints * (3 if self.has_scores else 2)
 
 
+DETECTION: Final = Task()
+
 _TITLES: Final[Mapping[Kind, str]] = {
     "segment": "segmentation",
     "detect": "detection",

@@ -32,15 +32,13 @@ from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import Engine, OutOfMemoryError
 from services.detector.runtime.letterbox import Letterbox
-from services.detector.runtime.model_file import Head, Task
+from services.detector.runtime.model_file import DETECTION, Head, Task
 from services.detector.runtime.overlap import difference
 from services.detector.runtime.postprocess import Output, OutputError, objects
 from services.detector.runtime.refinement.refiner import CloseUps, Refined, Refiner, close_ups
 
 ANYTHING: Final = Criteria(confidence=0, max_detections=1)
 """However unsure: every number of the output is looked at."""
-
-DETECTION: Final = Task()
 
 
 def prove(

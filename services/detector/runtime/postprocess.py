@@ -15,7 +15,7 @@ from services.detector.runtime.candidates import Candidates, suppressed
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.letterbox import Letterbox
 from services.detector.runtime.masks import Taps, encode_all
-from services.detector.runtime.model_file import Head, Task
+from services.detector.runtime.model_file import DETECTION, Head, Task
 from services.detector.runtime.object_shapes import (
     filled,
     keypoints_of,
@@ -48,9 +48,6 @@ FEW: Final = 16
 
 NOTHING: Final = np.float32(-10)
 """Log odds of what is surely none of an object's."""
-
-
-DETECTION: Final = Task()
 
 
 class OutputError(ValueError):

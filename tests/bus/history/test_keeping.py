@@ -28,16 +28,16 @@ def test_who_follows_on_a_key_goes_on_with_what_was_kept_for_a_while() -> None:
     ended = EndedPublishers(lambda: now_s)
     first = ended.messages(KEY, "text", 3)
     first.add(b"one")
-    ended.add(first, 3)
+    ended.add(first)
     assert ended.messages(KEY, "other", 3) is not first
     assert ended.messages(KEY, "text", 4) is not first
     assert ended.messages(KEY, "text", 3) is first
     assert ended.messages(KEY, "text", 3) is not first, "two at once"
-    ended.add(first, 3)
+    ended.add(first)
     now_s = RESUMED_S + 0.1
     assert ended.messages(KEY, "text", 3) is not first
     newest = ended.messages(KEY, "text", 1)
-    ended.add(newest, 1)
+    ended.add(newest)
     assert ended.messages(KEY, "text", 1) is not newest
 
 
