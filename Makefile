@@ -88,7 +88,7 @@ fuzz: .venv/.test  ## feed a million spoilt inputs to every parser (INPUTS=10000
 
 dist: .venv/.test  ## make what a release has: wheel, sdist, pins, units, images' files and list, chart, SBOMs, notes, checksums, in dist/
 	@rm -rf dist && mkdir dist
-	@$(BIN)/python deploy/release.py dist
+	@$(BIN)/python -m deploy.release dist
 	@$(BIN)/python -m hatchling build -d dist 2>&1 | sed 's/^/[dist] /'
 	@cp constraints.txt CHANGELOG.md dist/
 	@git archive HEAD deploy | gzip -n >dist/deploy.tar.gz

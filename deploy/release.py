@@ -1,27 +1,33 @@
-"""What a release says of itself: `python deploy/release.py dist`, which `make dist` runs.
+"""What a release says of itself: `python -m deploy.release dist`, which `make dist` runs.
 
 Writes into the folder: NOTES.md, this version's part of CHANGELOG.md; images.json, the Containerfile's targets; and of
-each image with fleetsight in it sbom-TARGET.cdx.json, a bill of materials (CycloneDX), and requirements-TARGET.txt, its
-packages for pip with the hashes of all files that the package index has of them.
+each image with fleetsight in it sbom-TARGET.cdx.json, its bill of materials, and requirements-TARGET.txt, its packages
+for pip with the hashes of all files that the package index has of them. Bills have Debian's packages, too, of images
+that podman or Docker has here.
 """
 
 import json
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import datetime
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from deploy.image_bill import bill_of_materials, find_image, python_packages
+
 ROOT: Final = Path(__file__).parents[1]
 UNRELEASED: Final = "Unreleased"
 RECORDS: Final = "tests/releases"
+ARCHITECTURES: Final = ("x86_64", "aarch64")
+"""Of machines that images are for."""
+
 UNINSTALLED: Final = ("setuptools",)
 """What images are rid of though packages ask for it."""
 
@@ -105,29 +111,33 @@ def check_pins(constraints: str, packages: Mapping[str, str]) -> None:
             raise ValueError(f"{name} {version} is installed, {pinned[name]} pinned: run make .venv/.test")
 
 
-def bill_of_materials(target: Path, packages: Mapping[str, str]) -> None:
-    """Write a CycloneDX file of packages and their versions."""
-    command = ("cyclonedx_py", "requirements", "--pyproject", str(ROOT / "pyproject.toml"), "--short-PURLs")
-    pins = "".join(f"{name}=={version}\n" for name, version in packages.items())
-    options = (
-        "--output-reproducible",
-        "--no-validate",
-    )  # `make dist` has that of all packages validated, which is slow
-    _output(sys.executable, "-m", *command, *options, "-o", str(target), "-", given=pins)
-
-
 def hashed(packages: Mapping[str, str]) -> dict[str, str]:
     """Return a line of pip's requirements for each package: its version, and the hashes of its files, by name.
 
     Raises:
         RuntimeError: the package index cannot be had, or has no such version.
     """
-    command = ("uv", "pip", "compile", "--quiet", "--no-config", "--native-tls", "--no-deps", "--generate-hashes")
-    pins = "".join(f"{name}=={version}\n" for name, version in packages.items())
     plain = ("--no-header", "--no-annotate", "--no-emit-index-url", "--no-emit-find-links")
-    told = _output(sys.executable, "-m", *command, *plain, "-", given=pins)
+    told = _compiled(packages, "--generate-hashes", *plain)
     lines = re.findall(r"^(\S+)==((?:.*\\\n)*.*\n)", told, re.MULTILINE)
     return {canonicalize_name(name): f"{name}=={rest}" for name, rest in lines}
+
+
+def check_wheels(packages: Mapping[str, str], architecture: str) -> None:
+    """Check that packages can be installed on a processor's architecture without a compiler, on Debian 12's Python.
+
+    Raises:
+        RuntimeError: the package index has no wheel of one of them, or cannot be had.
+    """
+    _compiled(
+        packages, "--only-binary=:all:", f"--python-platform={architecture}-manylinux_2_36", "--python-version=3.11"
+    )
+
+
+def _compiled(packages: Mapping[str, str], *options: str) -> str:
+    command = ("uv", "pip", "compile", "--quiet", "--no-config", "--native-tls", "--no-deps", *options)
+    pins = "".join(f"{name}=={version}\n" for name, version in packages.items())
+    return _output(sys.executable, "-m", *command, "-", given=pins)
 
 
 def is_released(version: str, changelog: str) -> bool:
@@ -159,23 +169,6 @@ def check_release(version: str, changelog: str, *, changed: Sequence[str], tags:
         raise ValueError(f"{RECORDS}/{version} is not there: python -m tests.releases.record, commit, and tag that")
 
 
-def built(image: str, version: str, revision: str) -> Mapping[str, Any] | None:
-    """Return the size and the age of an image of a version and a commit on this machine.
-
-    None where there is no such image, or neither podman nor Docker.
-    """
-    for program in filter(shutil.which, ("podman", "docker")):
-        told = subprocess.run((program, "image", "inspect", image), capture_output=True, text=True, check=False)  # noqa: S603 - a name of ours
-        if told.returncode == 0:
-            (found,) = json.loads(told.stdout)
-            labels = found["Config"].get("Labels") or {}
-            told_of = [labels.get(f"org.opencontainers.image.{name}") for name in ("version", "revision")]
-            if told_of != [version, revision]:
-                continue
-            return {"bytes": found["Size"], "id": found["Id"].removeprefix("sha256:"), "created": found["Created"]}
-    return None
-
-
 def _git(*command: str) -> list[str]:
     return _output("git", "-C", str(ROOT), *command).splitlines()
 
@@ -193,21 +186,28 @@ def main(folder: Path) -> None:
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     changed, tags = _git("status", "--porcelain"), _git("tag", "--points-at", "HEAD")
     check_release(version, changelog, changed=[line[3:] for line in changed], tags=tags)
-    (revision,) = _git("rev-parse", "HEAD")
+    revision, committed = _git("log", "-1", "--format=%H%n%cI")
     (folder / "NOTES.md").write_text(notes(changelog, version), encoding="utf-8")
     found = images((ROOT / "deploy" / "Containerfile").read_text(encoding="utf-8"))
     packages = {target: needed(extras) for target, extras in found.items() if extras}
     everything = {name: version.partition("+")[0] for each in packages.values() for name, version in each.items()}
     check_pins((ROOT / "constraints.txt").read_text(encoding="utf-8"), everything)
+    for architecture in ARCHITECTURES:
+        check_wheels(everything, architecture)
     lines = hashed(everything)
     listed = []
     for target, extras in found.items():
-        image, bill = f"localhost/fleetsight-{target}", f"sbom-{target}.cdx.json"
+        name = f"localhost/fleetsight-{target}"
+        image = find_image(name, version, revision)
+        has = [*python_packages(packages.get(target, {})), *(image.debian_packages() if image else ())]
+        bill = f"sbom-{target}.cdx.json" if has else None
+        if bill:
+            text = bill_of_materials(target, version, datetime.fromisoformat(committed), has)
+            (folder / bill).write_text(text, encoding="utf-8")
         if extras:
-            bill_of_materials(folder / bill, packages[target])
-            (folder / f"requirements-{target}.txt").write_text("".join(lines[name] for name in packages[target]))
-        here = built(image, version, revision)
-        listed.append({"target": target, "image": image, "extras": extras, "sbom": extras and bill, "built": here})
+            (folder / f"requirements-{target}.txt").write_text("".join(lines[each] for each in packages[target]))
+        here = image and image.size
+        listed.append({"target": target, "image": name, "extras": extras, "sbom": bill, "built": here})
     described = json.dumps({"version": version, "revision": revision, "images": listed}, indent=2)
     (folder / "images.json").write_text(f"{described}\n", encoding="utf-8")
 

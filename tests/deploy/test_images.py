@@ -12,10 +12,12 @@ from typing import Any
 import pytest
 from packaging.utils import canonicalize_name
 
-from deploy.release import images, needed
+from deploy.image_bill import find_image
+from deploy.release import needed
 from tests.deploy.support import secured
 from tests.deploy.support.certificates import ROBOT, STRANGER, make_central
 from tests.deploy.support.helm import NAME, render
+from tests.deploy.support.images import EXTRAS, LARGEST_MB, LOOK, PEERS, REVISION, STARTED
 from tests.deploy.support.kube import ask, playable, pod
 from tests.deploy.support.machine import require_containers, root_archive, wheels
 from tests.deploy.support.old_podman import REFUSING, OldPodman
@@ -24,19 +26,6 @@ from tests.deploy.support.units import DEPLOY
 
 pytestmark = pytest.mark.timeout(1800)  # seven images are built first
 
-EXTRAS = {
-    target: extras
-    for target, extras in images((DEPLOY / "Containerfile").read_text(encoding="utf-8")).items()
-    if extras and target != "detector"
-}
-"""By target, of all but the detector's for GPUs: its torch alone has more bytes than all of these."""
-
-REVISION = "0123456789abcdef0123456789abcdef01234567"
-LARGEST_MB = {"gateway": 350, "detector-cpu": 600}
-PEERS = ("postgresql", "prometheus")
-"""Debian's own, that compose.yaml has beside ours."""
-
-STARTED = ("postgresql", "prometheus", "monitor", "worldmodel", "distance", "cloud", "detector", "simulator", "gateway")
 DEADLINE_S = 60
 
 
@@ -52,21 +41,6 @@ def podman(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Podman]:
         found.close()
 
 
-LOOK = """
-import json, os, subprocess
-from importlib.metadata import distributions
-
-names = ("pip", "pip3*", "pip-*", "ensurepip", "setuptools", "gcc-[0-9]*", "g++*", "cc1", "make", "git", "curl", "wget")
-named = [part for name in names for part in ("-o", "-name", name)][1:]
-print(json.dumps({
-    "user": os.getuid(),
-    "version": subprocess.check_output(["fleetsight", "--version"], text=True),
-    "tools": subprocess.check_output(["find", "/usr/bin", "/usr/lib", "/usr/share", "/opt", *named], text=True),
-    "packages": {each.name: each.version for each in distributions() if each.name != "fleetsight"},
-}))
-"""
-
-
 @pytest.mark.parametrize("target", EXTRAS)
 def test_an_image_runs_without_rights_without_tools_to_build_with_and_with_what_its_bill_says(
     podman: Podman, target: str
@@ -77,6 +51,24 @@ def test_an_image_runs_without_rights_without_tools_to_build_with_and_with_what_
     assert found["version"] == f"fleetsight {version('fleetsight')}\n"
     packages = {canonicalize_name(name): release for name, release in found["packages"].items()}
     assert packages == needed(EXTRAS[target] or ())
+
+
+@pytest.mark.parametrize("target", [*EXTRAS, *PEERS])
+def test_the_bill_of_an_image_has_debian_s_packages(
+    podman: Podman, monkeypatch: pytest.MonkeyPatch, target: str
+) -> None:
+    for name, value in podman.environment.items():
+        monkeypatch.setenv(name, value)
+    image = f"localhost/fleetsight-{target}"
+    found = find_image(image, version("fleetsight"), REVISION)
+    assert found is not None
+    kept = podman.once(image, "/var/lib/dpkg/status", entry="cat")
+    installed = re.findall(r"^Package: (.*)\nStatus: install ok installed$", kept, re.MULTILINE)
+    listed = found.debian_packages()
+    assert [each.name for each in listed] == sorted(installed)
+    assert {"libc6", "python3" if target in EXTRAS else target} <= set(installed)
+    libc = next(each for each in listed if each.name == "libc6").to_string()
+    assert re.fullmatch(r"pkg:deb/debian/libc6@2\.36-\S+\?arch=\w+&distro=debian-12&upstream=glibc", libc)
 
 
 @pytest.mark.parametrize("target", [*EXTRAS, *PEERS])

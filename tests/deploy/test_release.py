@@ -1,15 +1,21 @@
 """What a release says of itself: its notes, its images, and the packages in them."""
 
+import json
 import subprocess
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
+from cyclonedx.schema import SchemaVersion
+from cyclonedx.validation.json import JsonStrictValidator
+from packageurl import PackageURL
 from packaging.requirements import Requirement
 
 from deploy import release
-from deploy.release import RECORDS, built, check_pins, check_release, images, needed, notes
+from deploy.image_bill import bill_of_materials, find_image, python_packages
+from deploy.release import RECORDS, check_pins, check_release, check_wheels, images, needed, notes
 from tests.deploy.support.machine import checked, require_containers
 from tests.deploy.support.podman import Podman
 
@@ -106,6 +112,12 @@ def test_versions_that_are_not_pinned_or_others_than_pinned_are_told_with_the_cu
         check_pins("PyYAML==6\n", {"pyyaml": "5"})
 
 
+def test_a_package_without_a_wheel_for_an_architecture_is_told() -> None:
+    check_wheels({"onnxruntime-gpu": "1.23.0"}, "x86_64")
+    with pytest.raises(RuntimeError, match=r"(?s)onnxruntime-gpu==1\.23\.0.*aarch64"):
+        check_wheels({"onnxruntime-gpu": "1.23.0"}, "aarch64")
+
+
 def test_what_is_not_installed_is_told_with_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(release, "_requirements", only_what_is_not_there(release._requirements))
     with pytest.raises(ValueError, match=r"nothing-of-this-name is not installed: run make \.venv/\.test"):
@@ -125,8 +137,8 @@ def only_what_is_not_there(
 def podman(monkeypatch: pytest.MonkeyPatch) -> Iterator[Podman]:
     require_containers()
     found = Podman()
-    for name in ("CONTAINERS_CONF", "CONTAINERS_STORAGE_CONF"):
-        monkeypatch.setenv(name, found._environment[name])
+    for name, value in found.environment.items():
+        monkeypatch.setenv(name, value)
     try:
         yield found
     finally:
@@ -136,14 +148,32 @@ def podman(monkeypatch: pytest.MonkeyPatch) -> Iterator[Podman]:
 @pytest.mark.timeout(120)
 def test_an_image_that_was_built_here_of_this_commit_is_measured(podman: Podman, tmp_path: Path) -> None:
     archive, name = tmp_path / "root.tar", "localhost/fleetsight-gateway"
-    assert built(name, "0.2.0", "abc") is None
+    assert find_image(name, "0.2.0", "abc") is None
     checked("tar", "-cf", archive, "-C", "/usr/share", "base-files")
     labels = (f"--change=LABEL org.opencontainers.image.{each}" for each in ("version=0.2.0", "revision=abc"))
     podman.run("import", "--quiet", *labels, archive, name)
-    found = built(name, "0.2.0", "abc")
+    found = find_image(name, "0.2.0", "abc")
     assert found is not None
     inspect = ("podman", "image", "inspect", "--format", "{{.Size}} {{.Id}}", name)
     size, identity = subprocess.run(inspect, capture_output=True, text=True, check=True).stdout.split()
-    assert (found["bytes"], found["id"]) == (int(size), identity)
-    assert built(name, "0.2.0", "abd") is None
-    assert built(name, "0.1.0", "abc") is None
+    assert (found.size["bytes"], found.size["id"]) == (int(size), identity)
+    with pytest.raises(RuntimeError, match=rf"{name}: its packages cannot be listed: .*/bin/sh"):
+        found.debian_packages()
+    assert find_image(name, "0.2.0", "abd") is None
+    assert find_image(name, "0.1.0", "abc") is None
+
+
+MADE = datetime(2026, 12, 1, tzinfo=UTC)
+
+
+def test_a_bill_of_materials_is_valid_names_every_package_and_is_always_the_same() -> None:
+    libc = PackageURL("deb", "debian", "libc6", "2.36-9+deb12u10", {"arch": "amd64", "distro": "debian-12"})
+    packages = [*python_packages({"msgspec": "0.20.0"}), libc]
+    text = bill_of_materials("gateway", "0.2.0", MADE, packages)
+    assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
+    found = {each["purl"]: (each["name"], each["version"]) for each in json.loads(text)["components"]}
+    assert found == {
+        "pkg:pypi/msgspec@0.20.0": ("msgspec", "0.20.0"),
+        "pkg:deb/debian/libc6@2.36-9%2Bdeb12u10?arch=amd64&distro=debian-12": ("libc6", "2.36-9+deb12u10"),
+    }
+    assert bill_of_materials("gateway", "0.2.0", MADE, reversed(packages)) == text

@@ -47,7 +47,10 @@ SIMULATED: Final = ("--profile", "simulated")
 
 
 class Podman:
-    """Runs podman and podman-compose, with a store in a folder that it makes."""
+    """Runs podman and podman-compose, with a store in a folder that it makes.
+
+    environment: has any podman use that store.
+    """
 
     def __init__(self) -> None:
         # Of a long name, as pytest's folders have, conmon cannot make its sockets: each container takes 20 s more.
@@ -55,8 +58,7 @@ class Podman:
         (folder / "containers.conf").write_text(CONFIGURATION.format(folder=folder), encoding="utf-8")
         storage = f'[storage]\ndriver = "overlay"\ngraphroot = "{folder}/store"\nrunroot = "{folder}/run"\n'
         (folder / "storage.conf").write_text(storage, encoding="utf-8")
-        self._environment = {
-            **os.environ,
+        self.environment = {
             "CONTAINERS_CONF": str(folder / "containers.conf"),
             "CONTAINERS_STORAGE_CONF": str(folder / "storage.conf"),
         }
@@ -68,7 +70,7 @@ class Podman:
             capture_output=True,
             text=True,
             check=False,
-            env={**self._environment, **environment},
+            env={**os.environ, **self.environment, **environment},
             timeout=DEADLINE_S,
         )
         assert ended.returncode == 0, f"{command}: {ended.stdout[-2000:]}{ended.stderr[-4000:]}"
@@ -78,7 +80,12 @@ class Podman:
         """Return all that a container wrote."""
         command = ["podman", "logs", *options, container]
         return subprocess.run(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False, env=self._environment
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+            env={**os.environ, **self.environment},
         ).stdout
 
     def until_said(self, container: str, said: str, *options: str) -> None:
@@ -148,7 +155,7 @@ class Podman:
     def close(self) -> None:
         """Remove everything."""
         reset = ["podman", "system", "reset", "--force"]
-        subprocess.run(reset, capture_output=True, check=False, env=self._environment)
+        subprocess.run(reset, capture_output=True, check=False, env={**os.environ, **self.environment})
         overlay = self._folder / "store" / "overlay"
         if overlay.is_mount():
             checked("umount", overlay)
