@@ -104,6 +104,14 @@ class Process:
         """Return the user and system time so far."""
         return cpu_s(self.pid)
 
+    def unscheduled_s(self) -> dict[str, float]:
+        """Return for how long each of its threads was ready to run while others had the processors."""
+        waited_s = {}
+        for thread in Path(f"/proc/{self.pid}/task").iterdir():
+            with suppress(OSError):  # it has just ended
+                waited_s[thread.name] = int((thread / "schedstat").read_text().split()[1]) / 1e9
+        return waited_s
+
     def rss_bytes(self) -> int:
         """Return the resident memory."""
         return int(psutil.Process(self._child.pid).memory_info().rss)

@@ -115,10 +115,14 @@ class MaskFlood:
 
     def __init__(self, bus: Bus, process: Process) -> None:
         self._bus, self._process = bus, process
+        self._seen, self._depth = huge_frame()  # takes half a second, in which no answer would be heard
         self.sent = self.sent_bytes = 0
 
     async def run(self, seconds: float) -> dict[str, Any]:
-        """Flood for so long; return the figures."""
+        """Flood for so long; return the figures.
+
+        masks_unscheduled_s: of the worker's thread that waited for a processor longest, for how long it did.
+        """
         async with (
             robot(self._bus, GOOD) as streams,
             self._bus.subscribe(GOOD.stream(Stream.DISTANCES), QUEUE(100)) as answers,
@@ -132,6 +136,7 @@ class MaskFlood:
             await good.until_measured(10)
             alone_s, good.longest_s = good.longest_s, 0.0
             before = highest = self._process.rss_bytes()
+            waited_before = self._process.unscheduled_s()
             async with robot(self._bus, BAD) as bad:
                 flooding = group.create_task(self._flood(bad, seconds))
                 while not flooding.done():
@@ -141,6 +146,9 @@ class MaskFlood:
                     await asyncio.sleep(PERIOD_S)
                 await good.until_measured(5)
                 highest = max(highest, self._process.rss_bytes())
+            waited_s = [
+                waited - waited_before.get(thread, 0.0) for thread, waited in self._process.unscheduled_s().items()
+            ]
             for task in tasks:
                 task.cancel()
         return {
@@ -149,14 +157,14 @@ class MaskFlood:
             "masks_rss_growth_mb": round((highest - before) / 2**20, 1),
             "masks_answers_s": round(good.longest_s, 2),
             "masks_answers_alone_s": round(alone_s, 2),
+            "masks_unscheduled_s": round(max(waited_s), 2),
         }
 
     async def _flood(self, bad: Robot, seconds: float) -> None:
-        seen, depth = huge_frame()
         bad.send(Stream.INFO, info(height=SIDE, width=SIDE, focal=float(SIDE)))
         until_s = time.monotonic() + seconds
         while time.monotonic() < until_s:
-            for stream, message in ((Stream.DEPTH, depth), (Stream.DETECTIONS, seen)):
+            for stream, message in ((Stream.DEPTH, self._depth), (Stream.DETECTIONS, self._seen)):
                 payload = codec.encode(named(message, BAD, self.sent))
                 bad.send(stream, payload)
                 self.sent_bytes += len(payload)

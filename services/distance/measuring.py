@@ -57,8 +57,10 @@ class DepthView:
     frames: Sequence[Frame] = ()
 
 
-def measure(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -> list[ObjectDistance]:
-    """Measure each object of an image of the view's size.
+def measure(
+    objects: Sequence[Detection], view: DepthView, criteria: Criteria, most: int = MEASURED_PIXELS
+) -> list[ObjectDistance]:
+    """Measure each object of an image of the view's size. most: pixels of their masks that are measured.
 
     Raises:
         GeometryError: the camera is calibrated for pictures of another size.
@@ -66,7 +68,7 @@ def measure(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -
     if isinstance(view.camera, CameraModel):
         view.camera.check_size(*view.depth.shape)
     measured: dict[int, ObjectDistance] = {}
-    for windows in groups(objects, measured):
+    for windows in groups(objects, measured, most):
         measured.update((each.index, each) for each in _measured(objects, windows, view, criteria))
     for index, readings in read_keypoints(objects, view.depth):
         if objects[index].mask is None:
@@ -127,6 +129,8 @@ def _vectors(points: NDArray[Any], own: Bools) -> list[tuple[float, float, float
 def measure_apart(objects: Sequence[Detection], view: DepthView, criteria: Criteria) -> list[ObjectDistance]:
     """Measure like `measure`, but if one object fails, only that object is unknown.
 
+    Each then has an equal share of the pixels that are measured: alone, any of them could take all.
+
     Raises:
         GeometryError: see `measure`.
     """
@@ -135,12 +139,13 @@ def measure_apart(objects: Sequence[Detection], view: DepthView, criteria: Crite
     except GeometryError:
         raise
     except Exception:  # noqa: BLE001 - which object it was, and why, is found out below
-        return [_alone(index, found, view, criteria) for index, found in enumerate(objects)]
+        most = MEASURED_PIXELS // len(objects)
+        return [_alone(index, found, view, criteria, most) for index, found in enumerate(objects)]
 
 
-def _alone(index: int, found: Detection, view: DepthView, criteria: Criteria) -> ObjectDistance:
+def _alone(index: int, found: Detection, view: DepthView, criteria: Criteria, most: int) -> ObjectDistance:
     try:
-        (only,) = measure([found], view, criteria)
+        (only,) = measure([found], view, criteria, most)
     except Exception as error:  # noqa: BLE001 - said of the object
         return _unknown(index, found, 0.0, f"it failed: {error!r}"[:MAX_LABEL])
     return msgspec.structs.replace(only, index=index)
@@ -155,12 +160,14 @@ def _unknown(index: int, found: Detection, share: float, reason: str) -> ObjectD
     return ObjectDistance(name=found.name, index=index, track=found.track, valid_share=share, unknown=reason)
 
 
-def groups(objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance]) -> Iterator[dict[int, Window]]:
+def groups(
+    objects: Sequence[Detection], unmeasured: dict[int, ObjectDistance], most: int = MEASURED_PIXELS
+) -> Iterator[dict[int, Window]]:
     """Yield the decoded masks of objects, some at a time, by index; failures go to `unmeasured`."""
     masks = {index: found.mask for index, found in enumerate(objects) if found.mask is not None}
     windows: dict[int, Window] = {}
     pixels = 0
-    decoded = decode_all(masks.values(), margin=RING, most=MEASURED_PIXELS, each=AT_ONCE)
+    decoded = decode_all(masks.values(), margin=RING, most=most, each=AT_ONCE)
     for index, window in zip(masks, decoded, strict=True):
         if isinstance(window, MaskError):
             unmeasured[index] = _unknown(index, objects[index], 0.0, str(window))

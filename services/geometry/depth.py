@@ -15,6 +15,9 @@ from services.geometry.errors import DepthError
 
 Floats = NDArray[np.float32]
 
+MAX_PIXELS: Final = 1 << 24
+"""Pixels of the largest depth image that is read: a PNG of a few kilobytes can stand for all that a message may."""
+
 _MILLIMETRES: Final = np.float32(1000)
 """Millimetres per metre; a divisor, so that exact millimetres are rounded once."""
 
@@ -62,11 +65,13 @@ def read_depth(frame: ImageFrame, *, nearest_m: float = 0.0, farthest_m: float =
     is negative or infinite is never a reading.
 
     Raises:
-        DepthError: it is no depth image.
+        DepthError: it is no depth image, or too large.
         GeometryError: its data is damaged.
     """
     if frame.encoding not in DEPTH_ENCODINGS:
         raise DepthError(f"an image in {frame.encoding[:32]}, which is no depth")
+    if frame.height * frame.width > MAX_PIXELS:
+        raise DepthError(f"depth of {frame.width}x{frame.height} pixels, at most {MAX_PIXELS} are read")
     values = _decoded(frame) if frame.format not in {RAW, ZSTD} else _values(frame)
     if values.dtype.itemsize == _NUMBERS.itemsize:
         return Depth(values, _metres_of_numbers(frame.inverse_depth, nearest_m, farthest_m))

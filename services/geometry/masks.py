@@ -1,6 +1,7 @@
 """Decodes masks of objects to windows of the image, and trims their edges."""
 
 import math
+import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -78,8 +79,8 @@ def decode_all(
     are thinned.
     """
     room = most
-    too_large = f"the masks in one image cover over {most // 1_000_000} million pixels together"
-    for group in _groups(masks):
+    too_large = f"the masks in one image cover over {most / 1_000_000:.3g} million pixels together"
+    for group in _groups(masks, most):
         height, width = group[0].size
         around = margin * _thinning(height, width, each)
         for runs in _runs([mask.counts for mask in group], height, width):
@@ -111,7 +112,14 @@ class _Drawn:
         """Return it with about so many pixels at most."""
         width, height = self.columns.shape
         step = _thinning(height, width, most)
-        return Window(self.top, self.left, np.ascontiguousarray(self.columns[::step, ::step].T), step)
+        return Window(self.top, self.left, _transposed(self.columns[::step, ::step]), step)
+
+
+def _transposed(pixels: Bools) -> Bools:
+    """Return the transpose as an array of its own: OpenCV goes by blocks, NumPy takes ten times as long."""
+    if not pixels.size:
+        return pixels.T
+    return np.asarray(cv2.transpose(np.ascontiguousarray(pixels).view(np.uint8)).view(np.bool_))
 
 
 def _runs(texts: list[str], height: int, width: int) -> Iterator[Runs | MaskError]:
@@ -126,15 +134,19 @@ def _runs(texts: list[str], height: int, width: int) -> Iterator[Runs | MaskErro
             yield from _runs([text], height, width)
 
 
-def _groups(masks: Iterable[Mask]) -> Iterator[list[Mask]]:
-    """Yield groups of masks of the same size that are small enough to be decoded in little memory."""
+def _groups(masks: Iterable[Mask], most: int) -> Iterator[list[Mask]]:
+    """Yield groups of masks of the same size that are decoded in little memory, as their windows are in `most` pixels.
+
+    A thousand large masks of which few have room are one group: two at a time would take a hundred times as long.
+    """
+    many_pixels = MANY_PIXELS if most > MANY_PIXELS else sys.maxsize
     group: list[Mask] = []
     pixels = characters = 0
     for mask in masks:
         height, width = mask.size
         pixels += height * width
         characters += len(mask.counts)
-        if group and (mask.size != group[0].size or pixels > MANY_PIXELS or characters > MANY_CHARACTERS):
+        if group and (mask.size != group[0].size or pixels > many_pixels or characters > MANY_CHARACTERS):
             yield group
             group, pixels, characters = [], height * width, len(mask.counts)
         group.append(mask)
@@ -143,7 +155,7 @@ def _groups(masks: Iterable[Mask]) -> Iterator[list[Mask]]:
 
 
 def _windows(runs: Runs, width: int, margin: int, room: int) -> Iterator[_Drawn | None]:
-    """Return the windows of masks of images of this width; None for those beyond this many pixels."""
+    """Return the windows of masks of images of this width; None for those that have no room in this many pixels."""
     counts = runs.bounds[1:] - runs.bounds[:-1]
     some = counts.nonzero()[0]
     begins, counts_of_some = runs.bounds[some], counts[some]
@@ -157,22 +169,29 @@ def _windows(runs: Runs, width: int, margin: int, room: int) -> Iterator[_Drawn 
     lasts = (runs.stops[begins + counts_of_some - 1] - 1) // runs.height
     highs = np.minimum(ends + margin, runs.height) - tops
     wides = np.minimum(lasts + 1 + margin, borders + width) - lefts
-    stops = (highs * wides).cumsum()
-    shifts = stops - (lefts + wides) * highs - tops
+    areas = highs * wides
+    fit = _fitting(areas, room)
+    stops = (areas * fit).cumsum()
+    shifts = stops - areas - lefts * highs - tops
     starts = columns * highs.repeat(counts_of_some) + first + shifts.repeat(counts_of_some)
-    fit = int(np.searchsorted(stops, room, side="right"))
-    drawn = slice(begins[fit] if fit < len(begins) else None)
-    pixels = _drawn(starts[drawn], (starts + lengths)[drawn], stops[fit - 1] if fit else 0)
-    places = zip(*(each[:fit].tolist() for each in (tops, lefts - borders, highs, wides, stops)), strict=True)
+    drawn = fit.repeat(counts_of_some)
+    pixels = _drawn(starts[drawn], (starts + lengths)[drawn], int(stops[-1]) if len(stops) else 0)
+    places = zip(*(each.tolist() for each in (fit, tops, lefts - borders, highs, wides, stops)), strict=True)
     for count in counts.tolist():
         if not count:
             yield _Drawn(0, 0, np.zeros((0, 0), np.bool_))
             continue
-        if (place := next(places, None)) is None:
-            yield None
-            continue
-        top, left, high, wide, stop = place
-        yield _Drawn(top, left, pixels[stop - high * wide : stop].reshape(wide, high))
+        fits, top, left, high, wide, stop = next(places)
+        yield _Drawn(top, left, pixels[stop - high * wide : stop].reshape(wide, high)) if fits else None
+
+
+def _fitting(areas: Integers, room: int) -> Bools:
+    """Return which windows have room: each in turn that fits beside those before it."""
+    fit = np.zeros(len(areas), np.bool_)
+    for place, area in enumerate(areas.tolist()):
+        fit[place] = area <= room
+        room -= area if area <= room else 0
+    return fit
 
 
 def _drawn(starts: Integers, stops: Integers, size: int) -> Bools:

@@ -26,6 +26,7 @@ async def test_masks_flood_a_distance_worker_and_another_robot_is_measured_meanw
     found = await masks.flood_of_masks(2.0)
     assert found["masks_sent"] >= masks.MASKS
     assert 0 < found["masks_answers_alone_s"] < found["masks_answers_s"] < masks.START_S
+    assert found["masks_unscheduled_s"] >= 0
     assert found["masks_rss_growth_mb"] < 1_000  # unbounded, they took 3.9 GB
 
 

@@ -197,13 +197,24 @@ def test_an_object_that_cannot_be_measured_costs_no_other() -> None:
     assert [seen[0], msgspec.structs.replace(seen[2], index=1)] == measure(sound, view(wall(2.0)), Criteria())
 
 
+def test_objects_measured_alone_share_the_pixels_of_one_image(monkeypatch: pytest.MonkeyPatch) -> None:
+    beyond = msgspec.structs.replace(
+        found(mask(ROWS, COLUMNS))[0], mask=coco_mask(np.ones((HEIGHT + 1, WIDTH), np.bool_))
+    )
+    large, small = found(mask(slice(0, HEIGHT), slice(0, WIDTH)), mask(ROWS, COLUMNS))
+    monkeypatch.setattr("services.distance.measuring.MEASURED_PIXELS", 3 * HEIGHT * WIDTH - 3)
+    seen = measure_apart([large, beyond, small], view(wall(2.0)), Criteria())
+    assert [each.measured is None for each in seen] == [True, True, False]
+    assert "million pixels together" in seen[0].unknown
+
+
 def test_only_so_many_pixels_of_an_images_masks_are_measured() -> None:
     everywhere = mask(slice(0, HEIGHT), slice(0, WIDTH))
     fitting = MEASURED_PIXELS // (HEIGHT * WIDTH)
     small = mask(ROWS, COLUMNS)
     measured = measure_apart(found(*[everywhere] * (fitting + 5), small), view(wall(2.0)), Criteria())
     assert [each.measured is not None for each in measured[:-1]] == [True] * fitting + [False] * 5
-    assert measured[fitting].unknown == "the masks in one image cover over 33 million pixels together"
+    assert measured[fitting].unknown == "the masks in one image cover over 33.6 million pixels together"
 
 
 def test_a_large_mask_is_measured_at_every_nth_row_and_column(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -109,3 +109,9 @@ def test_metres_are_those_of_the_place_that_is_asked_for() -> None:
         assert np.array_equal(image.metres_of(np.array([[4, 3], [2, 9]])), image.metres().reshape(-1)[[[4, 3], [2, 5]]])
     already = np.ones((2, 2), np.float32)
     assert Depth(already).metres().tolist() == already.tolist()
+
+
+def test_a_small_file_that_stands_for_a_very_large_image_is_not_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.geometry.depth.MAX_PIXELS", 5)
+    with pytest.raises(DepthError, match="depth of 3x2 pixels, at most 5 are read"):
+        read_depth(frame(MILLIMETRES, "16UC1"))

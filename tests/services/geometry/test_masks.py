@@ -1,4 +1,5 @@
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from schemas.detections import Mask
 from services.geometry.errors import MaskError
 from services.geometry.masks import MAX_PIXELS, Window, decode, decode_all, eroded
+from services.geometry.runs import Runs
 from tests.schemas.masks import coco_mask
 
 
@@ -142,6 +144,25 @@ def test_few_characters_do_not_stand_for_gigabytes() -> None:
         else:
             assert "over 134 million pixels" in str(found)
     assert (windows, pixels) == (8, MAX_PIXELS)
+
+
+def test_of_masks_together_those_are_left_out_that_do_not_fit_beside_the_ones_before() -> None:
+    pixels = np.zeros((6, 8), np.bool_)
+    pixels[2:4, 3:7] = True
+    small, large = coco_mask(pixels), all_of(6, 8)
+    found = list(decode_all([small, large, coco_mask(np.zeros((6, 8), np.bool_)), small, small], most=20))
+    sizes = [each.pixels.size if isinstance(each, Window) else None for each in found]
+    assert sizes == [8, None, 0, 8, None]
+    for each in (found[0], found[3]):
+        assert isinstance(each, Window)
+        assert np.array_equal(whole(each, 6, 8), pixels)
+
+
+def test_masks_without_room_are_not_decoded_in_small_groups(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs_of = Mock(side_effect=Runs.of)
+    monkeypatch.setattr(Runs, "of", runs_of)
+    assert len(list(decode_all([all_of(4096, 4096)] * 50, most=1 << 24))) == 50
+    assert runs_of.call_count == 1
 
 
 def test_one_mask_alone_can_be_too_large_and_small_ones_after_it_are_decoded() -> None:
