@@ -1,26 +1,30 @@
 """Cancelled at any await, a worker leaves nothing: no task, subscription or token."""
 
 import asyncio
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AsyncExitStack
+
+import pytest
 
 from bus import QUEUE
 from bus.fake import FakeNetwork
+from bus.sharing import sharing
 from schemas import codec
 from schemas.keys import Stream
 from services.cloud.process import CloudWorker
 from services.cloud.settings import CloudSettings
 from tests.gateway.ros1.support.cancelling import cancel_everywhere
 from tests.services.cloud.test_worker import FRONT, Rig, found, registered
+from tests.services.inline_executor import InlineExecutor
 from tests.waiting import until
 
 SENT = {Stream.POINTS: codec.encode(registered(3)), Stream.DETECTIONS: codec.encode(found(3))}
 
 
-async def test_a_worker_with_a_wanted_camera() -> None:
+async def test_a_worker_with_a_wanted_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "SETTLE_S", 0)  # nothing waits for a time, so the number of turns is always the same
     network, settings = FakeNetwork(), CloudSettings(worker="w1")
     async with AsyncExitStack() as stack:
-        executor = stack.enter_context(ThreadPoolExecutor(1))
+        executor = InlineExecutor()
         theirs = await stack.enter_async_context(network.open_bus())
         front = await Rig(theirs, stack).camera(FRONT, Stream.COLOR, Stream.POINTS, Stream.DETECTIONS)
         objects = await stack.enter_async_context(theirs.subscribe(FRONT.stream(Stream.OBJECTS), QUEUE(9)))

@@ -2,8 +2,11 @@
 
 import asyncio
 
+import pytest
+
 from bus import QUEUE, QoS
 from bus.fake import FakeNetwork
+from bus.sharing import sharing
 from schemas import codec
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
@@ -18,7 +21,8 @@ ME = WorkerAlive("detector", "w1")
 FRONT = CameraKey("r1", "front")
 
 
-async def test_a_worker_with_a_wanted_camera() -> None:
+async def test_a_worker_with_a_wanted_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "SETTLE_S", 0)  # nothing waits for a time, so the number of turns is always the same
     network = FakeNetwork()
     async with (
         network.open_bus() as theirs,
