@@ -76,7 +76,7 @@ COMMANDS: Final = (
         "show the clouds of a camera's objects in 3D, or save them as PLY and PCD",
         "services.toolbox.clouds.settings:CloudsSettings",
         "services.toolbox.clouds.process:run",
-        refusals=("bus:BusError", "services.toolbox.clouds.errors:ViewerError"),
+        refusals=("bus:BusError", "services.toolbox.errors:ViewerError"),
         extra="viewer",
         positional=("do", "robot", "camera"),
         log_level="error",

@@ -20,3 +20,7 @@ def meant(name: str, known: Iterable[str], prefix: str = "") -> str:
     """
     near = get_close_matches(name.removeprefix(prefix), list(known), n=1, cutoff=LIKENESS)
     return f"; did you mean {prefix}{near[0]}?" if near else ""
+
+
+class ViewerError(Exception):
+    """A window cannot be opened here, or a file cannot be written; the message is one line and says why."""

@@ -1,7 +1,7 @@
 """The whole run: render, train, strip, evaluate, write the card."""
 
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -12,8 +12,9 @@ from services.training.checkpoints import Checkpoint, write_weights
 from services.training.collages import PLAIN_SHARE, make_collages, make_plain
 from services.training.dataset import VIEWS, holdout_seed, rendered, write_dataset
 from services.training.evaluation.class_lists import ListScore
+from services.training.evaluation.mistakes import Mistakes
 from services.training.evaluation.near_objects import near_figures
-from services.training.evaluation.photographs import score_photographs
+from services.training.evaluation.photographs import PhotographScore, score_photographs
 from services.training.evaluation.precision import MaskScore
 from services.training.evaluation.predictor import CONFIDENCE, LOWEST_CONFIDENCE, Predictor, PredictorLoader
 from services.training.evaluation.scenes import HeldOutView, held_out_seeds, held_out_views
@@ -21,7 +22,7 @@ from services.training.files import TrainingError, first_line
 from services.training.fitting import device_name, fit
 from services.training.mixing import NONE_MADE, MadePictures, write_mix
 from services.training.parallel import Progress
-from services.training.photographs import PhotographData, read_data
+from services.training.photographs import Photograph, PhotographData, read_data
 from services.training.refining.fitting import CHECKPOINT, kept_state
 from services.training.refining.refinement import Refinement
 from services.training.refining.run import refine
@@ -135,9 +136,7 @@ def evaluate(
     drives = min(DRIVES, settings.holdout)
     tests = photographs.tests
     predict = load_at(settings.output, confidence=CONFIDENCE)
-    pictures = (
-        score_photographs(tests, predict, lambda done: progress("photographs", done, len(tests))) if tests else {}
-    )
+    pictures = _on_photographs(settings, tests, predict, progress) if tests else {}
     near = near_figures(
         predict,
         [holdout_seed(settings.seed, settings.holdout // VIEWS + 1 + index) for index in range(drives)],
@@ -145,6 +144,19 @@ def evaluate(
         lambda done: progress("drive", done, drives),
     )
     return Figures(found.masks.figures(), found.lists.figures(CONFIDENCE), near, before, pictures, photographs.licences)
+
+
+def _on_photographs(
+    settings: TrainingSettings, tests: Sequence[Photograph], predict: Predictor, progress: Progress
+) -> Mapping[str, PhotographScore]:
+    """Return the scores on photographs, and write the page of mistakes in them beside the weights."""
+    mistakes = Mistakes()
+    scores = score_photographs(
+        tests, predict, lambda done: progress("photographs", done, len(tests)), look=mistakes.add
+    )
+    page = mistakes.page(settings.output.stem, scores)
+    settings.output.with_suffix(".html").write_text(page, encoding="utf-8")
+    return scores
 
 
 def _check_folder(option: str, named: Path, folder: Path) -> None:

@@ -97,7 +97,7 @@ class TrainingSettings(BaseModel):
     device: str = Field(default="auto", description="auto (a GPU if there is one), cpu, or a GPU number such as 0")
     output: Path = Field(
         default=WEIGHTS_FOLDER / "warehouse-n-seg.pt",
-        description="file for the weights; the model card is written beside it",
+        description="file for the weights; beside it the model card (.md) and the mistakes on photographs (.html)",
     )
     work_dir: Path = Field(
         default=Path("runs/warehouse-n-seg"),

@@ -16,10 +16,10 @@ from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from schemas.printing import printable
 from services.toolbox.clouds.drawing import Drawing, drawing_of
-from services.toolbox.clouds.errors import ViewerError
 from services.toolbox.clouds.files import pcd, ply
 from services.toolbox.clouds.settings import CloudsSettings
 from services.toolbox.clouds.viewing import CloudWindow
+from services.toolbox.errors import ViewerError
 
 FAILED: Final = 1
 FRAME_S: Final = 1 / 30

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from services.toolbox.clouds.drawing import Drawing
-from services.toolbox.clouds.errors import ViewerError
+from services.toolbox.errors import ViewerError
 
 WIDTH: Final = 1280
 HEIGHT: Final = 800

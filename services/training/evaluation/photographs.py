@@ -11,6 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from schemas.detections import Detection
 from services.simulator.world import CLASSES
@@ -96,9 +97,15 @@ def matches(labels: Sequence[Box], boxes: Sequence[Box]) -> int:
 
 
 def score_photographs(
-    photographs: Iterable[Photograph], predict: Predictor, report: Callable[[int], None]
+    photographs: Iterable[Photograph],
+    predict: Predictor,
+    report: Callable[[int], None],
+    look: Callable[[Photograph, NDArray[np.uint8], Sequence[Detection]], None] = lambda *_: None,
 ) -> Mapping[str, PhotographScore]:
     """Run the model on each photograph; return the scores by source, and of all of them as "all".
+
+    report: called with the number of photographs that are done. look: called with each picture (RGB) and its
+    predictions.
 
     Raises:
         TrainingError: a photograph is no picture.
@@ -110,6 +117,7 @@ def score_photographs(
             raise TrainingError(f"{photograph.file}: not a picture that can be read")
         image = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), np.uint8)
         found = predict(image)
+        look(photograph, image, found)
         for source in ("all", photograph.source):
             scores.setdefault(source, PhotographScore()).add(photograph, found, image.shape[1], image.shape[0])
         report(done)

@@ -81,6 +81,9 @@ def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_p
     assert f"| rendered | {PICTURES} | box |" in card
     assert f"| rendered | {PICTURES} | pallet |" not in card
     assert str(tmp_path) not in card
+    page = settings.output.with_suffix(".html").read_text(encoding="utf-8")
+    assert f"<h1>{settings.output.stem}: mistakes on photographs</h1>" in page
+    assert '<th scope="row">rendered</th><td>box</td>' in page
 
 
 def test_photographs_are_the_last_stage_of_a_run_from_scratch(tmp_path: Path) -> None:

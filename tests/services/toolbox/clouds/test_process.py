@@ -16,9 +16,9 @@ from schemas.keys import CameraKey, Stream
 from schemas.objects import ObjectClouds
 from services.toolbox.clouds import process
 from services.toolbox.clouds.drawing import Drawing
-from services.toolbox.clouds.errors import ViewerError
 from services.toolbox.clouds.process import save, view
 from services.toolbox.clouds.settings import CloudsSettings
+from services.toolbox.errors import ViewerError
 from tests.schemas.results import cloud, clouds
 from tests.services.toolbox.clouds.reading import read_pcd, read_ply
 
