@@ -2,7 +2,6 @@
 
 import hashlib
 import shutil
-import subprocess
 import sys
 import tarfile
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ import pytest
 
 from fleetsight.own_packages import ALL
 from tests.deploy.support.machine import ROOT, Machine, booted, checked, require_containers
+from tests.deploy.support.seeing import seeing, simulator
 from tests.fleetsight.workspaces import decoys
 
 pytestmark = pytest.mark.timeout(600)  # the bundle and a system are made first
@@ -29,25 +29,6 @@ SOURCED: Final = (
 OF_EXTRAS: Final = {"cv2", "opencv_python_headless"}
 NOT_COPIED: Final = (".venv", "runs", "dist", "__pycache__", ".*_cache", ".hypothesis")
 OF_ITS_OWN: Final = ("libz.so.1", "libm.so.6", "libexpat.so.1", "libstdc++.so.6", "libssl.so.3", "libffi.so.8")
-
-SEE: Final = """
-import asyncio
-from bus import LATEST, BusSettings, open_bus
-from schemas import codec
-from schemas.image import ImageFrame
-
-async def main():
-    async with (
-        open_bus(BusSettings(mode="router", listen=["tcp/127.0.0.1:7457"])) as bus,
-        bus.subscribe("fleet/r1/camera/color", LATEST) as images,
-    ):
-        async for sample in images:
-            image = codec.decode(ImageFrame, sample.payload, sample.encoding)
-            print(image.header.robot, image.width, image.height, flush=True)
-
-asyncio.run(main())
-"""
-"""Embeds a router, as the monitor does, and prints the robot and the size of each image that comes."""
 
 
 @pytest.fixture(scope="module")
@@ -114,12 +95,6 @@ def sourced(machine: Machine, *command: str, check: bool = True) -> str:
     """Return the output of a command that the service's user runs in a shell with the workspace."""
     user = ("setpriv", "--reuid=fleetsight", "--regid=fleetsight", "--clear-groups")
     return machine.run(*user, "env", *SOURCED.split(), *command, check=check)
-
-
-def outside(machine: Machine, *arguments: str, stdout: int) -> "subprocess.Popen[str]":
-    """Start a Python of the tests' own in the network of the machine."""
-    in_its_network = [*machine._enter[:2], "--net", sys.executable]
-    return subprocess.Popen([*in_its_network, *arguments], stdout=stdout, text=True, cwd=ROOT)
 
 
 def test_it_has_no_installer_and_the_licences_of_all_that_is_debians(bundle: Path) -> None:
@@ -233,16 +208,16 @@ def test_a_service_beside_the_gateway_starts_by_its_unit_and_ends_in_order(machi
 def test_its_unit_forwards_a_robots_images_and_ends_in_order(machine: Machine) -> None:
     unit = "fleetsight-gateway"
     machine.until(lambda: machine.show(unit, "ActiveState") == "active", "the gateway runs")
-    simulator = outside(machine, "-m", "services.toolbox", "simulate", "--streams", "color", stdout=subprocess.DEVNULL)
-    with simulator, outside(machine, "-c", SEE, stdout=subprocess.PIPE) as seeing:
+    in_its_network = (*machine._enter[:2], "--net")
+    with simulator(network=in_its_network) as robot, seeing("tcp/127.0.0.1:7457", in_its_network) as router:
         try:
-            assert seeing.stdout is not None
-            assert seeing.stdout.readline() == "r1 640 480\n"
+            assert router.stdout is not None
+            assert router.stdout.readline() == "r1 640 480\n"
             healthy = sourced(machine, PROGRAM, "doctor", "--config", "/etc/fleetsight/gateway.yaml")
             assert "camera/color" in healthy
         finally:
-            simulator.terminate()
-            seeing.kill()
+            robot.terminate()
+            router.kill()
     machine.run("systemctl", "stop", unit)
     assert (machine.show(unit, "ActiveState"), machine.show(unit, "Result")) == ("inactive", "success")
     assert machine.show(unit, "ExecMainStatus") == "0"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.release import is_released, notes
+from deploy.release import RECORDS, is_released, notes
 from tests.deploy.support.helm import helm
 
 ROOT = Path(__file__).parents[2]
@@ -20,20 +20,33 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the checkout would be released as: dated in its changelog, recorded, committed and tagged."""
     clone = tmp_path_factory.mktemp("release") / "fleetsight"
     shutil.copytree(ROOT, clone, symlinks=True, ignore=shutil.ignore_patterns(*NOT_COPIED))
+    changelog = clone / "CHANGELOG.md"
+    changelog.write_text(dated(changelog.read_text(encoding="utf-8")), encoding="utf-8")
+    record = clone / RECORDS / VERSION
+    record.mkdir(exist_ok=True)
+    (record / "made-by-a-test").touch()
     run("git", "init", "--quiet", folder=clone)
     run("git", "add", "--all", folder=clone)
     run("git", *AUTHOR, "commit", "--quiet", "--message", "release", folder=clone)
-    if is_released(version("fleetsight"), (clone / "CHANGELOG.md").read_text(encoding="utf-8")):
-        run("git", "tag", f"v{version('fleetsight')}", folder=clone)
+    run("git", "tag", f"v{VERSION}", folder=clone)
     run("make", "dist", "--old-file=.venv/.test", f"BIN={Path(sys.executable).parent}", folder=clone)
     return clone / "dist"
 
 
+VERSION = version("fleetsight")
 NOT_COPIED = (".git", ".venv", "runs", "dist", "__pycache__", ".*_cache", ".hypothesis")
 AUTHOR = ("-c", "user.name=release", "-c", "user.email=release@localhost")
 INHERITED = {"PYTHONPATH", "VIRTUAL_ENV", "MAKEFLAGS"}
+
+
+def dated(changelog: str) -> str:
+    """Return a changelog in which what is not released yet is released as VERSION."""
+    if is_released(VERSION, changelog):
+        return changelog
+    return re.sub(r"^## Unreleased$", f"## {VERSION} - 2026-12-01", changelog, count=1, flags=re.MULTILINE)
 
 
 def run(*command: str, folder: Path | None = None) -> str:
@@ -109,9 +122,10 @@ def test_the_list_of_images_is_the_documentations(dist: Path) -> None:
 
 @pytest.mark.timeout(600)
 def test_the_notes_are_this_versions(dist: Path) -> None:
-    (wheel,) = dist.glob("*.whl")
+    assert [each.name.split("-")[1] for each in dist.glob("*.whl")] == [VERSION]
     found = (dist / "NOTES.md").read_text(encoding="utf-8")
-    assert found == notes((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), wheel.name.split("-")[1])
+    assert re.match(rf"# fleetsight {re.escape(VERSION)} - \d{{4}}-\d\d-\d\d$", found.splitlines()[0])
+    assert found == notes(dated((ROOT / "CHANGELOG.md").read_text(encoding="utf-8")), VERSION)
 
 
 def packages(bill: Path) -> dict[str, str]:

@@ -14,6 +14,7 @@ from packaging.utils import canonicalize_name
 
 from deploy.image_bill import find_image
 from deploy.release import needed
+from services.toolbox.demo.children import free_ports
 from tests.deploy.support import secured
 from tests.deploy.support.certificates import ROBOT, STRANGER, make_central
 from tests.deploy.support.helm import NAME, render
@@ -22,6 +23,7 @@ from tests.deploy.support.kube import ask, playable, pod
 from tests.deploy.support.machine import require_containers, root_archive, wheels
 from tests.deploy.support.old_podman import REFUSING, OldPodman
 from tests.deploy.support.podman import BASE, SIMULATED, Podman
+from tests.deploy.support.seeing import seeing, simulator
 from tests.deploy.support.units import DEPLOY
 
 pytestmark = pytest.mark.timeout(1800)  # seven images are built first
@@ -107,6 +109,17 @@ def test_a_robot_s_image_runs_under_a_podman_of_ubuntu_20_04_s_age(podman: Podma
     assert "can't start new thread" in old.run(refusing, image, "--version").stderr
     unconfined = old.run("--security-opt=seccomp=unconfined", image, *doctor)
     assert "tcp/127.0.0.1:1: no router listens there" in unconfined.stdout, unconfined.stderr
+    master = free_ports(3)
+    port, listened = master + 1, master + 2
+    gateway = ("gateway", "--robot=r1", f"--ros-master=http://127.0.0.1:{master}", f"--connect=tcp/127.0.0.1:{port}")
+    with simulator(f"--master-port={master}") as robot, seeing(f"tcp/127.0.0.1:{port}") as router:
+        try:
+            with old.running(image, *gateway, f"--listen=tcp/127.0.0.1:{listened}"):
+                assert router.stdout is not None
+                assert router.stdout.readline() == "r1 640 480\n"
+        finally:
+            robot.terminate()
+            router.kill()
 
 
 @pytest.fixture(scope="module")
@@ -149,17 +162,9 @@ def test_a_program_where_the_gateway_alone_is_installed_gets_what_the_detector_s
 @pytest.mark.parametrize("name", STARTED)
 def test_each_process_is_healthy(fleet: Podman, name: str) -> None:
     end = time.monotonic() + DEADLINE_S
-    while not healthy(fleet, name):
+    while not fleet.is_healthy(f"deploy_{name}_1"):
         assert time.monotonic() < end, fleet.logs(f"deploy_{name}_1")
         time.sleep(0.5)
-
-
-def healthy(fleet: Podman, name: str) -> bool:
-    try:
-        fleet.run("healthcheck", "run", f"deploy_{name}_1")
-    except AssertionError:
-        return False
-    return True
 
 
 @pytest.mark.parametrize("name", ["distance", "monitor", "prometheus"])
@@ -170,7 +175,7 @@ def test_a_process_that_hangs_is_unhealthy_until_it_goes_on(fleet: Podman, name:
     if name == "distance":
         fleet.run("exec", f"deploy_{name}_1", "python3", "-c", old)
         time.sleep(6)
-    assert not healthy(fleet, name)
+    assert not fleet.is_healthy(f"deploy_{name}_1")
     fleet.run("kill", "--signal=CONT", f"deploy_{name}_1")
     test_each_process_is_healthy(fleet, name)
 

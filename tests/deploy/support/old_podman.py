@@ -6,6 +6,8 @@ It has a root of its own, and runs in namespaces of its own, with the machine's 
 import json
 import shutil
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -56,9 +58,31 @@ class OldPodman:
         """Run a container, with no rights and nothing to write to but /tmp."""
         return self._run("run", "--rm", *CONFINED, *LIMITS, *command)
 
+    @contextmanager
+    def running(self, *command: str) -> Iterator[None]:
+        """Run such a container until the context ends."""
+        log = self._tree / "srv/running.log"
+        with (
+            log.open("w") as file,
+            subprocess.Popen(
+                [*self._apart, "run", "--rm", *CONFINED, *LIMITS, *command], stdout=file, stderr=subprocess.STDOUT
+            ) as started,
+        ):
+            try:
+                yield
+            except BaseException as error:
+                error.add_note(log.read_text(encoding="utf-8"))
+                raise
+            finally:
+                started.kill()  # and with it all in its namespace
+
+    @property
+    def _apart(self) -> list[str]:
+        alone = ["unshare", "--mount", "--pid", "--fork", "--kill-child"]
+        return [*alone, "bash", "-c", ENTER, "bash", str(self._tree), *PODMAN]
+
     def _run(self, *command: str) -> "subprocess.CompletedProcess[str]":
-        apart = ["unshare", "--mount", "--pid", "--fork", "bash", "-c", ENTER, "bash", str(self._tree), *PODMAN]
-        return subprocess.run([*apart, *command], capture_output=True, text=True, check=False)
+        return subprocess.run([*self._apart, *command], capture_output=True, text=True, check=False)
 
 
 def as_docker_before_20_10_10() -> dict[str, Any]:

@@ -98,10 +98,18 @@ class Podman:
                 pytest.fail(f"{container} did not say {said!r}\n{told}")
             time.sleep(0.5)
 
+    def is_healthy(self, container: str) -> bool:
+        """Return whether a container's health check passes."""
+        try:
+            self.run("healthcheck", "run", container)
+        except AssertionError:
+            return False
+        return True
+
     def compose(self, *command: str, **environment: str) -> str:
         """Return the output of podman-compose with the project's file."""
         file = DEPLOY / "compose.yaml"
-        return self.run("--in-pod=false", "--file", file, *command, program=COMPOSE, **environment)
+        return self.run("--file", file, *command, program=COMPOSE, **environment)
 
     @contextmanager
     def playing(self, manifests: str, network: str) -> Iterator[None]:
