@@ -20,6 +20,20 @@ ROOT: Final = DEPLOY.parent
 DEBIAN: Final = "bookworm"
 DEBIANS_PYTHON: Final = (3, 11)
 TOOLS: Final = ("mmdebstrap", "systemd-nspawn", "podman", "buildah", "runc")
+OWN_CGROUP: Final = """
+set -eu
+for root in /sys/fs/cgroup/systemd /sys/fs/cgroup/unified /sys/fs/cgroup; do
+    [ -e "$root/cgroup.procs" ] || continue
+    mkdir "$root/fleetsight-$$"
+    echo $$ >"$root/fleetsight-$$/cgroup.procs"
+done
+exec "$@"
+"""
+"""Shell commands that start others in a control group of their own.
+
+Two systems in the same one have their units' processes in the same groups, of which each sees the other's as 0.
+"""
+
 NSPAWN: Final = ("systemd-nspawn", "--quiet", "--register=no", "--keep-unit")
 DEADLINE_S: Final = 60
 
@@ -120,8 +134,9 @@ class Machine:
 @contextmanager
 def booted(tree: Path) -> Iterator[Machine]:
     """Start the system in a folder, and stop it."""
+    boot = [*NSPAWN, f"--directory={tree}", "--boot", "--private-network", "--console=pipe"]
     with subprocess.Popen(
-        [*NSPAWN, f"--directory={tree}", "--boot", "--private-network", "--console=pipe"],
+        ["sh", "-c", OWN_CGROUP, "sh", *boot],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -134,6 +149,9 @@ def booted(tree: Path) -> Iterator[Machine]:
                 started.communicate(timeout=DEADLINE_S)
             except subprocess.TimeoutExpired:
                 started.kill()
+    for group in Path("/sys/fs/cgroup").glob(f"**/fleetsight-{started.pid}"):
+        for folder, _, _ in os.walk(group, topdown=False):
+            Path(folder).rmdir()
 
 
 def _leader(nspawn: int) -> int:
