@@ -24,8 +24,8 @@ MOST_HELD_BYTES: Final = 32 << 20
 ON_THEIR_WAY: Final = 64
 """More live messages of a key than come out of order."""
 
-BACKLOG: Final = 1 << 16
-"""More of them than wait behind a cache's answer."""
+BACKLOG: Final = 1_000
+"""More of them than wait behind a cache's answer: a link that stands still for longer than a few seconds is cut."""
 
 WRAPPED: Final = 1 << 31
 """A number smaller than the last by this much is newer: Zenoh's own numbers wrap at 32 bits."""

@@ -49,14 +49,17 @@ TOO_FAR: Final = "farther away than any place"
 OF_ITSELF: Final = "a frame seen from itself"
 NAMELESS: Final = "a frame without a name"
 TOO_MANY: Final = "too many frames"
-OUTDATED: Final = "static, of a frame that has moved since"
 
 
 @dataclass(slots=True)
 class _Moving:
-    """A frame's transforms to its parent, ascending by stamp; never empty."""
+    """A frame's transforms to its parent, ascending by stamp; never empty.
+
+    began_ns: the first stamp, also of those that are not kept any more.
+    """
 
     parent: str
+    began_ns: int
     stamps: list[int] = field(default_factory=list)
     poses: list[tuple[Numbers, Numbers]] = field(default_factory=list)
 
@@ -73,9 +76,10 @@ class _Static:
 class TransformTree:
     """One robot's frames of reference. A frame has one parent, the one published last, as in ROS.
 
-    Static transforms are sent again whenever one is added. Of a frame that is said to be static and to move, the later
-    stamp counts, whatever arrives first: a static transform that is no newer than the moving ones is left out; a newer
-    one counts at stamps at which the frame moves no more (see SILENT_NS).
+    Static transforms are sent again whenever one is added. Of a frame that is said to be static and to move, the moving
+    transforms count, whatever arrives first, but for stamps at which it does not move yet, and if the static one is
+    newer than all of them, for those at which it moves no more (see SILENT_NS). So a moving one that is stamped far in
+    the future takes no static frame away.
 
     keep_ns: how far back transforms are kept. budget: what it may share with others. rejected: transforms that were not
     taken, or gave way to something else, by reason.
@@ -102,8 +106,6 @@ class TransformTree:
         reason = _fault(parent, child, transform)
         if reason is None and self._is_one_too_many(child):
             reason = TOO_MANY
-        if reason is None and static and self._has_moved(child, transform.stamp_ns):
-            reason = OUTDATED
         if reason is not None:
             self.rejected[reason] += 1
             return
@@ -166,9 +168,12 @@ class TransformTree:
     def _edge(self, child: str, stamp_ns: int) -> _Moving | _Static | None:
         """Return the transforms from a frame to its parent that apply at a stamp."""
         moving, static = self._moving.get(child), self._static.get(child)
-        if moving is None or (static is not None and stamp_ns > moving.stamps[-1] + SILENT_NS):
+        if moving is None:
             return static
-        return moving
+        last_ns = moving.stamps[-1]
+        before = stamp_ns < moving.began_ns - SILENT_NS
+        after = static is not None and static.stamp_ns > last_ns and stamp_ns > last_ns + SILENT_NS
+        return static if static is not None and (before or after) else moving
 
     def _ancestry(self, name: str, stamp_ns: int) -> tuple[list[str], list[str]]:
         """Return a frame with all its ancestors, and the frames that are their own ancestors."""
@@ -192,25 +197,19 @@ class TransformTree:
                     made = _at(name, moving, stamp_ns) @ made
         return made
 
-    def _has_moved(self, child: str, stamp_ns: int) -> bool:
-        """Return whether a frame is known to have moved at a stamp or later."""
-        moving = self._moving.get(child)
-        return moving is not None and moving.stamps[-1] >= stamp_ns
-
     def _move(self, child: str, parent: str, stamp_ns: int, pose: tuple[Numbers, Numbers]) -> None:
         moving = self._moving.get(child)
         if moving is None or moving.parent != parent:
             self._samples -= len(moving.stamps) if moving else 0
-            moving = self._moving[child] = _Moving(parent)
+            moving = self._moving[child] = _Moving(parent, stamp_ns)
         self._insert(moving, stamp_ns, pose)
-        static = self._static.get(child)
-        if static is not None and static.stamp_ns <= stamp_ns:
-            del self._static[child]
 
     def _insert(self, moving: _Moving, stamp_ns: int, pose: tuple[Numbers, Numbers]) -> None:
         newest = moving.stamps[-1] if moving.stamps else stamp_ns
         if stamp_ns < newest - JUMP_NS:
             self._forget(moving, len(moving.stamps))
+            moving.began_ns = stamp_ns
+        moving.began_ns = min(moving.began_ns, stamp_ns)
         place = bisect_left(moving.stamps, stamp_ns)
         known = place < len(moving.stamps) and moving.stamps[place] == stamp_ns
         moving.stamps[place : place + known] = [stamp_ns]

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 import torch
-from ultralytics.nn.tasks import load_checkpoint
+from ultralytics.nn.tasks import load_checkpoint, torch_safe_load
 from ultralytics.utils import downloads
 
 from schemas.printing import printable
@@ -59,6 +59,7 @@ def read_checkpoint(file: Path) -> tuple[Any, dict[str, Any]]:
     try:
         with warnings.catch_warnings(), exact_names():
             warnings.simplefilter("ignore")  # what is wrong is said in one line
+            _check_tensors(torch_safe_load(path)[0])
             model, content = load_checkpoint(path)
     except Exception as error:
         raise CheckpointError(_reason(path, error)) from error
@@ -79,6 +80,15 @@ def _check_size(path: Path) -> None:
         raise CheckpointError(f"it has {size} bytes unpacked, at most {MOST_BYTES} are loaded")
 
 
+def _check_tensors(content: Mapping[str, Any]) -> None:
+    """Raise CheckpointError for tensors that repeat few numbers: in single precision each would take memory."""
+    for model in (content.get("ema"), content.get("model")):
+        for tensor in (*model.parameters(), *model.buffers()) if isinstance(model, torch.nn.Module) else ():
+            size = tensor.numel() * tensor.element_size()
+            if size > (stored := tensor.untyped_storage().nbytes()):
+                raise CheckpointError(f"it has a tensor of {size} bytes of which {stored} are in the file")
+
+
 @contextmanager
 def exact_names() -> Iterator[None]:
     """Make Ultralytics read exactly the given files, by absolute paths.
@@ -96,6 +106,8 @@ def exact_names() -> Iterator[None]:
 
 
 def _reason(path: Path, error: Exception) -> str:
+    if isinstance(error, CheckpointError):
+        return str(error)
     foreign = _foreign_types(path, error)
     if any(name.rpartition(".")[0] in YOLOV5 for name in foreign):
         return NOT_FOR_THIS

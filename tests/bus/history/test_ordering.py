@@ -4,6 +4,7 @@ import pytest
 
 from bus.history import key_state, ordering
 from bus.history.key_state import LATE_RUN, Fetch
+from bus.history.ordering import BACKLOG
 from tests.bus.history.receiving import HERE, KEY, OURS, Received, message
 
 
@@ -135,11 +136,12 @@ def test_so_does_one_that_comes_first(recover: int) -> None:
     assert got.messages == [1 << 30, *range(LATE_RUN, 20)]
 
 
-def test_so_does_one_that_a_cache_has() -> None:
+@pytest.mark.parametrize("ahead", [BACKLOG + LATE_RUN + 4, 60_000, 1 << 30])
+def test_so_does_one_that_a_cache_has(ahead: int) -> None:
     got = Received(9)
-    got.appear(kept=[1, 2, 1 << 30])
+    got.appear(kept=[1, 2, ahead])
     got.live(*range(3, 30))
-    assert got.messages == [1, 2, 1 << 30, *range(2 + LATE_RUN, 30)]
+    assert got.messages == [1, 2, ahead, *range(2 + LATE_RUN, 30)]
 
 
 def test_one_that_is_far_ahead_again_and_again_does_no_more() -> None:

@@ -23,7 +23,6 @@ from services.geometry.transforms import (
     MAX_SAMPLES,
     NOT_FINITE,
     OF_ITSELF,
-    OUTDATED,
     SILENT_NS,
     TOO_MANY,
     TransformTree,
@@ -260,7 +259,7 @@ def test_static_transforms_that_are_said_again_change_no_frame_that_moves_meanwh
         made.take(static, static=True)
         assert made.lookup("base", "camera", at)[0, 3] == 10.0 + n
         assert made.lookup("base", "camera", 2 * S)[0, 3] == 10.0
-    assert made.rejected == {OUTDATED: 20}
+    assert not made.rejected
 
 
 @pytest.mark.parametrize("behind", [0, KEEP_NS + 2 * S, 3600 * S])
@@ -273,7 +272,7 @@ def test_static_transforms_that_are_said_again_by_another_clock_leave_what_moves
             made.add(said("base", "camera", 99.0, at=at), static=True)
         assert made.lookup("base", "camera", at - behind)[0, 3] == n
         assert made.lookup("base", "camera", 10_000 * S - behind)[0, 3] == 0
-    assert made.rejected == ({OUTDATED: 5} if not behind else {})
+    assert not made.rejected
 
 
 def test_the_order_in_which_both_topics_arrive_changes_nothing() -> None:
@@ -304,3 +303,32 @@ def test_a_static_transform_counts_where_its_frame_moves_no_more() -> None:
 def test_a_late_transform_of_a_frame_that_is_static_by_now_does_not_make_it_move() -> None:
     made = tree(said("base", "camera", 2.0, at=S), static=(said("base", "camera", 1.0, at=2 * S),))
     assert made.lookup("base", "camera", 3 * S)[0, 3] == 1
+
+
+FAR = 2**63 - 1
+
+
+@pytest.mark.parametrize("static_first", [True, False])
+def test_one_transform_of_the_far_future_takes_no_static_frame_away(*, static_first: bool) -> None:
+    made = TransformTree()
+    for static in (static_first, not static_first):
+        made.add(said("base", "camera", 1.0, at=S) if static else said("base", "camera", 9.0, at=FAR), static=static)
+    for at in (S, 100 * S):
+        assert made.lookup("base", "camera", at)[0, 3] == 1
+    made.add(said("base", "camera", 2.0, at=200 * S), static=True)
+    assert made.lookup("base", "camera", 201 * S)[0, 3] == 2, "a newer one counts, too"
+
+
+def test_one_transform_of_the_far_future_stops_no_frame_that_moves() -> None:
+    made = tree(said("odom", "base", 1.0, at=S), said("odom", "base", 9.0, at=FAR))
+    made.add(said("odom", "base", 2.0, at=2 * S), static=False)
+    assert made.lookup("odom", "base", 2 * S)[0, 3] == 2
+
+
+def test_where_a_frame_was_before_it_is_kept_is_not_where_it_was_before_it_moved() -> None:
+    made = tree(static=(said("base", "camera", 1.0, at=S),))
+    for at in (10 * S, 11 * S, 12 * S + KEEP_NS):
+        made.add(said("base", "camera", 5.0, at=at), static=False)
+    assert made.lookup("base", "camera", 8 * S)[0, 3] == 1
+    with pytest.raises(TooOldError):
+        made.lookup("base", "camera", 10 * S)

@@ -5,6 +5,7 @@ import sys
 import threading
 import zipfile
 from collections.abc import Iterator
+from copy import deepcopy
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -271,3 +272,14 @@ def test_a_small_file_that_unpacks_to_gigabytes_is_not_loaded(
     monkeypatch.setattr("services.detector.runtime.checkpoint.MOST_BYTES", 32 << 20)
     with pytest.raises(ModelError, match=r"it has 67108864 bytes unpacked, at most 33554432 are loaded$"):
         load(DetectorSettings(connect=["tcp/127.0.0.1:7447"], model=str(bomb)), model_folder)
+
+
+def test_a_small_file_whose_tensors_stand_for_gigabytes_is_not_loaded(
+    built: Any, tmp_path: Path, model_folder: Path
+) -> None:
+    import torch  # noqa: PLC0415 - after `keep_offline`
+
+    bomb, file = deepcopy(built).half(), tmp_path / "bomb.pt"
+    bomb.register_buffer("large", torch.zeros(1, dtype=torch.half).expand(1 << 40))
+    torch.save({"model": bomb}, file)
+    assert refusal(file, model_folder) == "it has a tensor of 2199023255552 bytes of which 2 are in the file"
