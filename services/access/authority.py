@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import stat
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -219,6 +220,8 @@ class Authority:
             raise AuthorityError(f"{file}: no private key of an authority can be read from it") from error
         if not isinstance(key, ec.EllipticCurvePrivateKey):
             raise AuthorityError(f"{file}: this is no key that `fleetsight pki init` makes")
+        if file.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+            raise AuthorityError(f"{file}: others than its owner may use the authority's key; run chmod go= {file}")
         return key
 
     def _certificate(self, name: str) -> Path:

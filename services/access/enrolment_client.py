@@ -2,6 +2,7 @@
 
 import http.client
 import ssl
+import stat
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
@@ -98,6 +99,8 @@ def renew(name: str, address: tuple[str, int], files: Files, *, now: datetime) -
             tls.load_cert_chain(files.certificate, files.key)
     except ssl.SSLError as error:
         raise EnrolmentError(f"{files.key}: no key of {files.certificate} can be read from it") from error
+    if files.key.stat().st_mode & stat.S_IRWXO:
+        raise EnrolmentError(f"{files.key}: everybody on this machine may use it; run chmod o= {files.key}")
     answer = _ask(address, tls, protocol.RENEW_PATH, protocol.Enrolled)
     made, known = _checked(answer, name, public_bytes(old.public_key()), fingerprint_of(authority))
     if pem_of(known) != files.authority.read_bytes():

@@ -117,6 +117,18 @@ def test_a_damaged_file_is_named(authority: Authority, file: str) -> None:
         authority.renew("r1", 1)
 
 
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o602])
+def test_a_key_of_the_authority_s_that_others_may_use_is_refused(authority: Authority, mode: int) -> None:
+    key = authority.folder / "ca.key"
+    key.chmod(mode)
+    with pytest.raises(
+        AuthorityError, match=rf"ca\.key: others than its owner .*; run chmod go= {re.escape(str(key))}$"
+    ):
+        authority.issue("r1", [], 1)
+    key.chmod(0o600)
+    assert authority.issue("r1", [], 1).exists()
+
+
 async def pki(folder: Path, *given: Mapping[str, object]) -> None:
     for each in given:
         await run_pki(PkiSettings.model_validate({**each, "folder": folder}))

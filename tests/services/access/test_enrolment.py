@@ -187,6 +187,10 @@ async def test_a_certificate_whose_key_was_copied_is_renewed_too(served: Serving
     (tmp_path / "tls").mkdir()
     for file in (made, made.with_suffix(".key"), made.with_name("ca.pem")):
         shutil.copy(file, tmp_path / "tls")
+    (tmp_path / "tls/r1.key").chmod(0o644)
+    with pytest.raises(EnrolmentError, match=r"r1\.key: everybody on this machine may use it; run chmod o="):
+        await served.renew("r1", tmp_path / "tls")
+    (tmp_path / "tls/r1.key").chmod(0o600)
     renewed = await served.renew("r1", tmp_path / "tls")
     assert renewed is not None
     assert hosts_of(renewed) == ("r1", "localhost", "127.0.0.1", "10.0.0.7")
