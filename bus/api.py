@@ -1,6 +1,5 @@
 """The bus interface. `bus.open_bus` opens the real bus, `bus.fake.FakeNetwork` the one for tests."""
 
-import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
@@ -37,16 +36,22 @@ class Latest:
     """Keep the newest sample of each key; the key served longest ago is next."""
 
 
+QUEUE_BYTES: Final = 1 << 30
+"""Of a queue that is given no limit: somebody who reads slowly, or not at all, does not fill the memory."""
+
+
 @dataclass(frozen=True, slots=True)
 class Queue:
     """Keep the `depth` newest samples in order of arrival (of one publisher: of sending), of `most_bytes` together.
+
+    The newest is always kept.
 
     in_turn: in order for each robot (the first two parts of a key), and robots are served in turn. Without room, one
     that has about the most bytes loses its oldest: a flood of one robot's neither delays nor drops others'.
     """
 
     depth: int
-    most_bytes: int = sys.maxsize
+    most_bytes: int = QUEUE_BYTES
     in_turn: bool = False
 
     def __post_init__(self) -> None:

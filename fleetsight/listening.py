@@ -20,7 +20,7 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey, RobotStreamKey
 from schemas.objects import ObjectClouds
 
-ALERTS_KEPT: Final = QUEUE(1_000)
+ALERTS_KEPT: Final = QUEUE(1_000, 64 << 20)
 """None replaces another; of more than these the oldest go."""
 
 T = TypeVar("T")

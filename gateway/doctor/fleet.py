@@ -19,7 +19,7 @@ from schemas.status import GatewayStatus
 
 MAX_ACCOUNTS: Final = 16
 MAX_ROBOTS: Final = 10_000
-STATUSES_WAITING: Final = 1_000
+STATUSES_WAITING: Final = QUEUE(1_000, 16 << 20)
 
 
 Join = Callable[[BusSettings], AbstractAsyncContextManager[Bus]]
@@ -125,7 +125,7 @@ async def _read(bus: Bus, robot: str, accounts: dict[str, GatewayReport]) -> Non
     same_clock = clock_id()
     key = keys.gateway_status(robot) if robot else keys.EVERY_GATEWAY_STATUS
     most = MAX_ACCOUNTS if robot else MAX_ROBOTS
-    async with bus.subscribe(key, QUEUE(STATUSES_WAITING)) as samples:
+    async with bus.subscribe(key, STATUSES_WAITING) as samples:
         async for sample in samples:
             with suppress(SchemaError):
                 status = codec.decode(GatewayStatus, sample.payload, sample.encoding)

@@ -17,6 +17,9 @@ from schemas.status import ReturnStatus
 
 MAX_REMEMBERED: Final = 1_024
 
+WAITING_BYTES: Final = 64 << 20
+"""Most bytes of results that wait to be translated."""
+
 
 class Framed(Protocol):
     """A result of one frame."""
@@ -130,7 +133,7 @@ class Translator(Generic[R]):
     @property
     def keep(self) -> Latest | Queue:
         """The queue policy of waiting results."""
-        return LATEST if self.waiting == 1 else QUEUE(self.waiting)
+        return LATEST if self.waiting == 1 else QUEUE(self.waiting, WAITING_BYTES)
 
 
 log = logging.getLogger(__name__)

@@ -47,8 +47,8 @@ log = logging.getLogger(__name__)
 
 M = TypeVar("M", bound=Message)
 
-POINTS_WAITING: Final = 8
-TRANSFORMS_WAITING: Final = 1000
+POINTS_WAITING: Final = QUEUE(8, 128 << 20)
+TRANSFORMS_WAITING: Final = QUEUE(1_000, 16 << 20)
 """Messages that wait to be taken at most."""
 
 WAITED: Final = "join"
@@ -98,10 +98,10 @@ class CloudCamera:
             async with (
                 bus.announce(str(wants_points)),
                 bus.announce(str(wants_tf)),
-                bus.subscribe(str(tf_static), QUEUE(TRANSFORMS_WAITING)) as static,
-                bus.subscribe(str(tf), QUEUE(TRANSFORMS_WAITING), history=False) as moving,
+                bus.subscribe(str(tf_static), TRANSFORMS_WAITING) as static,
+                bus.subscribe(str(tf), TRANSFORMS_WAITING, history=False) as moving,
                 bus.subscribe(self._key.stream(Stream.INFO), LATEST) as infos,
-                bus.subscribe(points.stream(Stream.POINTS), QUEUE(POINTS_WAITING), history=False) as clouds,
+                bus.subscribe(points.stream(Stream.POINTS), POINTS_WAITING, history=False) as clouds,
                 bus.subscribe(self._key.stream(Stream.DETECTIONS), LATEST, history=False) as detections,
                 TaskGroup() as group,
             ):

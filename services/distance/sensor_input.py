@@ -49,8 +49,8 @@ log = logging.getLogger(__name__)
 
 CALIBRATION: Final = "camera info"
 TRANSFORMS: Final = "transforms"
-DEPTHS_WAITING: Final = 8
-TRANSFORMS_WAITING: Final = 1_000
+DEPTHS_WAITING: Final = QUEUE(8, 128 << 20)
+TRANSFORMS_WAITING: Final = QUEUE(1_000, 16 << 20)
 
 H = TypeVar("H", ImageFrame, CameraInfo)
 
@@ -69,11 +69,11 @@ class SensorInput:
         camera, robot = self._key.stream, self._key.robot
         async with asyncio.TaskGroup() as group:
             for what, key, keep, accept in (
-                (DEPTH_IMAGE, camera(Stream.DEPTH), QUEUE(DEPTHS_WAITING), self._depth),
+                (DEPTH_IMAGE, camera(Stream.DEPTH), DEPTHS_WAITING, self._depth),
                 (CALIBRATION, camera(Stream.INFO), LATEST, self._info),
                 (CALIBRATION, camera(Stream.DEPTH_INFO), LATEST, self._depth_info),
-                (TRANSFORMS, str(RobotStreamKey(robot, TF)), QUEUE(TRANSFORMS_WAITING), self._tf),
-                (TRANSFORMS, str(RobotStreamKey(robot, TF_STATIC)), QUEUE(TRANSFORMS_WAITING), self._tf_static),
+                (TRANSFORMS, str(RobotStreamKey(robot, TF)), TRANSFORMS_WAITING, self._tf),
+                (TRANSFORMS, str(RobotStreamKey(robot, TF_STATIC)), TRANSFORMS_WAITING, self._tf_static),
             ):
                 group.create_task(self._take(bus, what, key, keep, accept))
 

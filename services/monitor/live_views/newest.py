@@ -23,6 +23,9 @@ MOST_STREAMS: Final = 64
 MOST_LISTS: Final = 64
 """Class lists kept per camera: a picture arrives some frames after its own list."""
 
+MOST_LISTS_BYTES: Final = 8 << 20
+"""Of those that are not taken yet."""
+
 M = TypeVar("M", bound=Message)
 
 
@@ -89,7 +92,9 @@ def clouds(bus: Bus) -> Clouds:
 def lists(bus: Bus) -> Lists:
     """Return the counts in each of the newest frames of the watched cameras."""
     return SharedSubscriptions(
-        lambda _: FrameLists(), lambda key, newest: follow(bus, key, ClassList, newest, QUEUE(MOST_LISTS)), MOST_STREAMS
+        lambda _: FrameLists(),
+        lambda key, newest: follow(bus, key, ClassList, newest, QUEUE(MOST_LISTS, MOST_LISTS_BYTES)),
+        MOST_STREAMS,
     )
 
 

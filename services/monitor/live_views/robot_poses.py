@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 MOST_ROBOTS: Final = 64
 """Maximum number of robots whose transforms are subscribed to: some robots send hundreds a second."""
 
-DEPTH: Final = 1_000
+WAITING: Final = QUEUE(1_000, 16 << 20)
 
 Robots = SharedSubscriptions[str, Whereabouts]
 
@@ -43,7 +43,7 @@ async def follow(bus: Bus, robot: str, where: Whereabouts) -> None:
 
 async def _take(bus: Bus, key: RobotStreamKey, where: Whereabouts) -> None:
     static = key.stream == keys.TF_STATIC
-    async with bus.subscribe(str(key), QUEUE(DEPTH), history=static) as subscription:
+    async with bus.subscribe(str(key), WAITING, history=static) as subscription:
         async for sample in subscription:
             try:
                 transforms = codec.decode(Transforms, sample.payload, sample.encoding)

@@ -109,7 +109,7 @@ class Collecting:
                 gone.task.cancel()
 
     async def _follow(self, bus: Bus, key: str) -> None:
-        async with bus.subscribe(key, QUEUE(1_000)) as lists:
+        async with bus.subscribe(key, QUEUE(1_000, 64 << 20)) as lists:
             async for sample in lists:
                 self._look(sample)
 

@@ -90,9 +90,9 @@ async def test_points_that_are_more_than_can_wait_are_counted() -> None:
     publisher = Publisher()
     with ThreadPoolExecutor(1) as executor:
         async with at_work(publisher, executor) as (front, account):
-            for seq in range(1, POINTS_WAITING + 4):
+            for seq in range(1, POINTS_WAITING.depth + 4):
                 front[Stream.POINTS].put(codec.encode(registered(seq)))
-            front[Stream.DETECTIONS].put(codec.encode(found(POINTS_WAITING + 3)))
+            front[Stream.DETECTIONS].put(codec.encode(found(POINTS_WAITING.depth + 3)))
             await until(partial(answered, account, 1), "the last is answered")
     assert account.load(serving=True).dropped == {TOO_MANY_POINTS: 3}
 
