@@ -6,7 +6,7 @@ ROBOTS ?= 3
 BENCHMARKS ?=
 REPEAT ?= 1
 JOBS ?= 4
-# Tests here start many processes of their own: as many files side by side as there are cores, two.
+# Tests here start many processes of their own: two files at a time, as on the two cores that these are run on.
 MANY_PROCESSES = tests/deploy tests/integration tests/benchmarks tests/releases
 # Python keeps what it compiled, whatever the shell says: the tests start hundreds of processes.
 export PYTHONDONTWRITEBYTECODE =
