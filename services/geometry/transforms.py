@@ -47,6 +47,7 @@ BAD_ROTATION: Final = "a rotation that is not of length 1"
 NOT_FINITE: Final = "not finite"
 TOO_FAR: Final = "farther away than any place"
 OF_ITSELF: Final = "a frame seen from itself"
+OUTDATED: Final = "static, of a frame that has moved since"
 NAMELESS: Final = "a frame without a name"
 TOO_MANY: Final = "too many frames"
 
@@ -106,6 +107,8 @@ class TransformTree:
         reason = _fault(parent, child, transform)
         if reason is None and self._is_one_too_many(child):
             reason = TOO_MANY
+        if reason is None and static and self._has_moved(child, transform.stamp_ns):
+            reason = OUTDATED
         if reason is not None:
             self.rejected[reason] += 1
             return
@@ -196,6 +199,13 @@ class TransformTree:
                 case _Moving() as moving:
                     made = _at(name, moving, stamp_ns) @ made
         return made
+
+    def _has_moved(self, child: str, stamp_ns: int) -> bool:
+        """Return whether a frame that moves did so at a stamp, or is known to have been static after it."""
+        moving, static = self._moving.get(child), self._static.get(child)
+        if moving is None or stamp_ns > moving.stamps[-1]:
+            return False
+        return stamp_ns >= moving.began_ns - SILENT_NS or (static is not None and static.stamp_ns > stamp_ns)
 
     def _move(self, child: str, parent: str, stamp_ns: int, pose: tuple[Numbers, Numbers]) -> None:
         moving = self._moving.get(child)

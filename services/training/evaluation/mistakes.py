@@ -112,16 +112,8 @@ class Mistakes:
             if score.labelled
         ]
         predicted = (*CLASSES, NOTHING)
-        confused = [
-            (
-                labelled,
-                *(
-                    self.confusion[labelled, name] if (labelled, name) != (NOTHING, NOTHING) else ""
-                    for name in predicted
-                ),
-            )
-            for labelled in predicted
-        ]
+        cells: dict[tuple[str, str], object] = {**self.confusion, (NOTHING, NOTHING): ""}
+        confused = [(labelled, *(cells.get((labelled, name), 0) for name in predicted)) for labelled in predicted]
         return _PAGE.format(
             title=escape(title),
             confidence=CONFIDENCE,

@@ -63,6 +63,10 @@ class Podman:
             "CONTAINERS_STORAGE_CONF": str(folder / "storage.conf"),
         }
 
+    @property
+    def _inherited(self) -> dict[str, str]:
+        return {**os.environ, **self.environment}
+
     def run(self, *command: str | Path, program: Sequence[str] = ("podman",), **environment: str) -> str:
         """Return the output of `podman command`; fail with it where podman fails."""
         ended = subprocess.run(
@@ -70,7 +74,7 @@ class Podman:
             capture_output=True,
             text=True,
             check=False,
-            env={**os.environ, **self.environment, **environment},
+            env={**self._inherited, **environment},
             timeout=DEADLINE_S,
         )
         assert ended.returncode == 0, f"{command}: {ended.stdout[-2000:]}{ended.stderr[-4000:]}"
@@ -85,7 +89,7 @@ class Podman:
             stderr=subprocess.STDOUT,
             text=True,
             check=False,
-            env={**os.environ, **self.environment},
+            env=self._inherited,
         ).stdout
 
     def until_said(self, container: str, said: str, *options: str) -> None:
@@ -163,7 +167,7 @@ class Podman:
     def close(self) -> None:
         """Remove everything."""
         reset = ["podman", "system", "reset", "--force"]
-        subprocess.run(reset, capture_output=True, check=False, env={**os.environ, **self.environment})
+        subprocess.run(reset, capture_output=True, check=False, env=self._inherited)
         overlay = self._folder / "store" / "overlay"
         if overlay.is_mount():
             checked("umount", overlay)

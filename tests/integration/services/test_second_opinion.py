@@ -13,8 +13,8 @@ from schemas import worker_keys
 from schemas.alerts import Alert
 from schemas.detections import Box, ClassList, Detection
 from schemas.keys import CameraKey, Stream
-from schemas.status import BEYOND_USE, MISSING, CameraLoad, WorkerStatus
-from services.detector.frame_counts import REPLACED, SPARED
+from schemas.status import BEYOND_USE, CameraLoad, WorkerStatus
+from services.detector.frame_counts import SPARED
 from services.detector.model import DetectedObjects, Outcome, Request
 from services.detector.process import work
 from services.detector.settings import DetectorSettings
@@ -110,10 +110,9 @@ async def the_other_one_harms_nobody(rig: FleetRig) -> None:
     """The one in force gets every frame; the other one, slow as it is, looks at some of them and goes on."""
     before = await rig.stream_status("r1", "front", lambda status: status.wanted)
     in_force = await load_of(rig, "detector", "old", inferred=5 * HZ)
-    assert set(in_force.dropped) <= {REPLACED, MISSING}, "a busy machine drops frames by itself"
+    assert sum(in_force.dropped.values()) < HZ
     other = await load_of(rig, "opinion", "new", inferred=12)
-    assert other.dropped[SPARED] > 0
-    assert other.inferred < in_force.inferred
+    assert other.dropped[SPARED] > other.inferred
     after = await rig.stream_status("r1", "front", lambda status: status.wanted)
     assert after.forwarded >= before.forwarded + HZ
     assert after.dropped.get(BEYOND_USE, 0) == before.dropped.get(BEYOND_USE, 0)

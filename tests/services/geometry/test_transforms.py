@@ -23,6 +23,7 @@ from services.geometry.transforms import (
     MAX_SAMPLES,
     NOT_FINITE,
     OF_ITSELF,
+    OUTDATED,
     SILENT_NS,
     TOO_MANY,
     TransformTree,
@@ -259,7 +260,7 @@ def test_static_transforms_that_are_said_again_change_no_frame_that_moves_meanwh
         made.take(static, static=True)
         assert made.lookup("base", "camera", at)[0, 3] == 10.0 + n
         assert made.lookup("base", "camera", 2 * S)[0, 3] == 10.0
-    assert not made.rejected
+    assert made.rejected == {OUTDATED: 20}
 
 
 @pytest.mark.parametrize("behind", [0, KEEP_NS + 2 * S, 3600 * S])
@@ -272,7 +273,7 @@ def test_static_transforms_that_are_said_again_by_another_clock_leave_what_moves
             made.add(said("base", "camera", 99.0, at=at), static=True)
         assert made.lookup("base", "camera", at - behind)[0, 3] == n
         assert made.lookup("base", "camera", 10_000 * S - behind)[0, 3] == 0
-    assert not made.rejected
+    assert made.rejected == ({OUTDATED: 5} if not behind else {})
 
 
 def test_the_order_in_which_both_topics_arrive_changes_nothing() -> None:
@@ -332,3 +333,11 @@ def test_where_a_frame_was_before_it_is_kept_is_not_where_it_was_before_it_moved
     assert made.lookup("base", "camera", 8 * S)[0, 3] == 1
     with pytest.raises(TooOldError):
         made.lookup("base", "camera", 10 * S)
+
+
+def test_an_old_static_transform_that_is_said_again_replaces_no_newer_one() -> None:
+    made = tree(said("base", "camera", 2.0, at=10 * S), static=(said("base", "camera", 1.0, at=S),))
+    made.add(said("base", "camera", 3.0, at=20 * S), static=True)
+    made.add(said("base", "camera", 1.0, at=S), static=True)
+    assert made.lookup("base", "camera", 30 * S)[0, 3] == 3
+    assert made.rejected == {OUTDATED: 1}
