@@ -1,12 +1,16 @@
 """Who may do what at a router: reads its rules, and refuses to let everybody in unless that is meant."""
 
+import gzip
 import json
+import zlib
 from collections.abc import Mapping
 from typing import Any, Final
 
 from bus.errors import BusError
 from bus.session.links import is_loopback
 from bus.settings import WITH_TLS, BusSettings
+
+_GZIP: Final = b"\x1f\x8b"
 
 RULES: Final = frozenset({"enabled", "default_permission", "rules", "subjects", "policies"})
 """Fields of Zenoh's access control."""
@@ -35,7 +39,7 @@ def check_closed(settings: BusSettings) -> None:
 
 
 def read_access(settings: BusSettings) -> Mapping[str, Any] | None:
-    """Return the rules of a router's access control, None if it has none.
+    """Return the rules of a router's access control, None if it has none. The file may be compressed by gzip.
 
     Raises:
         BusError: they cannot be read.
@@ -44,7 +48,10 @@ def read_access(settings: BusSettings) -> Mapping[str, Any] | None:
         return None
     said = f"access {settings.access}"
     try:
-        rules = json.loads(settings.access.read_bytes())
+        content = settings.access.read_bytes()
+        rules = json.loads(gzip.decompress(content) if content.startswith(_GZIP) else content)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise BusError(f"{said}: its compression is damaged: {error}") from error
     except OSError as error:
         raise BusError(f"{said}: {error.strerror or error}") from error
     except ValueError as error:

@@ -1,6 +1,7 @@
 """`fleetsight pki` and `fleetsight access`."""
 
 import asyncio
+import gzip
 import json
 import logging
 import socket
@@ -226,5 +227,6 @@ def _without_revoked(fleet: FleetFile, folder: Path) -> FleetFile:
 def _write(to: Path, text: str) -> None:
     """Replace the file once the new one is whole: a router may start at any moment."""
     new = to.with_name(f".{to.name}")
-    new.write_text(text, encoding="utf-8")
+    content = text.encode()
+    new.write_bytes(gzip.compress(content, mtime=0) if to.suffix == ".gz" else content)
     new.replace(to)

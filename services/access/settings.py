@@ -147,7 +147,9 @@ class AccessSettings(BaseModel):
     """
 
     fleet: Annotated[File, Field(description="the file, such as fleet.yaml; also the first argument")]
-    to: Annotated[Path | None, Field(description="file to write; standard output by default")] = None
+    to: Annotated[
+        Path | None, Field(description="file to write, compressed if it ends in .gz; standard output by default")
+    ] = None
     folder: Annotated[
         Path | None, Field(description="folder of the authority (`fleetsight pki`), whose revoked names are denied too")
     ] = None

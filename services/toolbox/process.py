@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Final, NoReturn, TextIO
 
-from services.toolbox import service_manager
+from services import service_manager
 
 log = logging.getLogger(__name__)
 

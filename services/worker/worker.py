@@ -18,6 +18,7 @@ from schemas import codec
 from schemas.keys import CameraKey, Stream
 from schemas.status import WorkerStatus
 from schemas.worker_keys import WorkerAlive, worker_status
+from services import service_manager
 
 T = TypeVar("T", bound=Tally)
 
@@ -62,6 +63,7 @@ class Worker(Generic[T]):
                 group.create_task(coroutine)
             key = worker_status(self._service, self._name)
             group.create_task(report(self._bus, key, WorkerStatus, self._status))
+            service_manager.serving.set()
             await self._sharing.run()
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:

@@ -15,6 +15,7 @@ from schemas import worker_keys
 from schemas.errors import SchemaError
 from schemas.status import WorkerStatus
 from schemas.worker_keys import Serves, WorkerAlive, WorldStream, parse_worker_alive, world_key
+from services import service_manager
 from services.whole_file import write_whole
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import Site, site_key
@@ -58,6 +59,7 @@ class WorldWorker:
             async with self._bus.announce(str(self._token)):
                 status = worker_keys.worker_status(SERVICE, self._settings.worker)
                 group.create_task(report(self._bus, status, WorkerStatus, self._status))
+                service_manager.serving.set()
                 await asyncio.sleep(SETTLE_S)
                 await self._take_sites(group)
 

@@ -12,7 +12,7 @@ MAY_ALSO = {
     "services/detector/runtime/offline.py": "tells Ultralytics, through its environment, to stay off the network",
     "services/training/trainer.py": "tells Ultralytics, through its environment, to stay off the network",
     "services/monitor/history/backup.py": "gives PostgreSQL's programs their connection in an environment of their own",
-    "services/toolbox/service_manager.py": "reads what systemd tells each process, and keeps it from its children",
+    "services/service_manager.py": "reads what systemd tells each process, and keeps it from its children",
     "services/toolbox/demo/children.py": "gives its processes an environment of their own",
 }
 

@@ -44,7 +44,7 @@ SETS: dict[str, Values] = {
     },
     "certificates": {"tls": CERTIFICATES, "monitor": {"robots": {"type": "NodePort", "nodePort": 30447}}},
     "autoscaling": {
-        "detector": {"autoscaling": {"enabled": True}},
+        **{name: {"autoscaling": {"enabled": True}} for name in ("detector", "distance", "cloud")},
         "monitor": {"openMetrics": True},
         "serviceMonitor": {"enabled": True, "labels": {"release": "prometheus"}},
         "prometheusRule": {"enabled": True},
@@ -98,7 +98,7 @@ def test_keda_and_the_prometheus_operator_take_their_kinds(rendered: dict[str, l
 
 
 def test_keda_would_refuse_a_wrong_number(rendered: dict[str, list[dict[str, Any]]]) -> None:
-    (scaled,) = (json.loads(json.dumps(each)) for each in rendered["autoscaling"] if each["kind"] == "ScaledObject")
+    scaled = json.loads(json.dumps(find(rendered["autoscaling"], "ScaledObject", "cloud")))
     scaled["spec"]["minReplicaCount"] = "one"
     assert custom_reasons([scaled]) == ["data/spec/minReplicaCount must be integer"]
 
@@ -123,7 +123,7 @@ def test_no_pod_has_rights_or_unbounded_memory(rendered: dict[str, list[dict[str
         assert container["securityContext"] == confined
         assert container["resources"]["limits"]["memory"]
         assert container["resources"]["requests"].keys() == {"cpu", "memory"}
-        assert "livenessProbe" in container
+        assert {"livenessProbe", "readinessProbe"} <= container.keys()
 
 
 def settings_of(objects: list[dict[str, Any]]) -> dict[str, str]:
@@ -210,10 +210,11 @@ def test_with_certificates_every_link_has_one(rendered: dict[str, list[dict[str,
 
 
 def test_a_number_of_workers_is_set_by_the_chart_or_by_the_scaler(rendered: dict[str, list[dict[str, Any]]]) -> None:
-    assert find(rendered["defaults"], "Deployment", "detector")["spec"]["replicas"] == 1
-    assert "replicas" not in find(rendered["autoscaling"], "Deployment", "detector")["spec"]
-    scaled = find(rendered["autoscaling"], "ScaledObject", "detector")["spec"]
-    assert scaled["scaleTargetRef"] == {"name": f"{NAME}-detector"}
+    for name in ("detector", "distance", "cloud"):
+        assert find(rendered["defaults"], "Deployment", name)["spec"]["replicas"] == 1
+        assert "replicas" not in find(rendered["autoscaling"], "Deployment", name)["spec"]
+        scaled = find(rendered["autoscaling"], "ScaledObject", name)["spec"]
+        assert scaled["scaleTargetRef"] == {"name": f"{NAME}-{name}"}
 
 
 def test_every_selector_finds_pods(rendered: dict[str, list[dict[str, Any]]]) -> None:
@@ -248,6 +249,7 @@ def test_every_selector_finds_pods(rendered: dict[str, list[dict[str, Any]]]) ->
             {"detector": {"autoscaling": {"enabled": True, "minReplicas": 9}}},
             "detector.autoscaling: minReplicas is more than maxReplicas",
         ),
+        ({"cloud": {"autoscaling": {"prometheus": "http://p"}}}, "additional properties 'prometheus' not allowed"),
     ],
 )
 def test_wrong_values_are_refused_by_name(values: Values, said: str) -> None:

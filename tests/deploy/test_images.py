@@ -328,7 +328,8 @@ def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
     podman.until_said(pod("worldmodel"), "serving it")
     podman.until_said(pod("detector"), "serving 1 cameras")
     read = "import urllib.request as web; print(web.urlopen('http://{}-monitor:8080{}', timeout=9).read().decode())"
-    probes = {each["containers"][0]["name"]: each["containers"][0]["livenessProbe"] for each in pods}
+    containers = {each["containers"][0]["name"]: each["containers"][0] for each in pods}
+    probes = {name: container["livenessProbe"] for name, container in containers.items()}
     assert probes.keys() == {"monitor", "detector", "distance", "cloud", "worldmodel"}
     for name, probe in probes.items():
         if name == "monitor":
@@ -336,6 +337,7 @@ def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
             assert json.loads(answer)["status"] == "ok"
         else:
             podman.run("exec", pod(name), *probe["exec"]["command"])
+            podman.run("exec", pod(name), *containers[name]["readinessProbe"]["exec"]["command"])
             *python, script = probe["exec"]["command"]
             hung = f"import os; os.utime('/tmp/heartbeat', (0, 0)); {script}"
             with pytest.raises(AssertionError):

@@ -15,12 +15,14 @@ from bus import Bus
 from bus.fake import FakeNetwork
 from schemas.keys import CameraKey
 from schemas.status import BEYOND_USE, CameraLoad, GatewayStatus, StreamStatus, WorkerStatus
+from services.cloud.waiting import REPLACED as REPLACED_IN_CLOUDS
 from services.detector.frame_counts import REPLACED, STALE, TOO_MANY
+from services.distance.sensor_input import REPLACED as REPLACED_DETECTIONS
 from services.monitor.liveness import STALLED_S
 from services.monitor.monitor import Monitor
 from services.monitor.web.metrics import metrics_of
 from tests.deploy.support.helm import CHART, NAME, find, render
-from tests.deploy.support.prometheus import SCRAPE_S, Scaler, Series, check_rules
+from tests.deploy.support.prometheus import SCRAPE_S, Scaler, Series, check_rules, raised, rules_of
 from tests.services.monitor.web.serving import monitor_on
 
 CAMERAS = [f"c{number}" for number in range(24)]
@@ -31,6 +33,8 @@ START_S = 45
 """Until a new pod has its model loaded and its cameras."""
 
 RULES = CHART / "files" / "rules.yaml"
+DETECTOR_W0 = f'{{service="detector", worker="w0", reason="{REPLACED}"}}'
+"""Labels of series of a worker. Those that have no reason have one here."""
 
 
 @pytest.fixture(scope="module")
@@ -145,8 +149,6 @@ async def test_one_worker_becomes_six_and_one_again_and_none_flaps(
         wanted_hz = (80 if busy else 10) * noise.uniform(0.85, 1.15)
         site.pass_time(wanted_hz, [name for name, ready_s in pods if ready_s <= now_s])
         series.scrape(await site.text())
-        if step % 2:
-            continue
         wished = scaler.decide(series.value(query), len(pods), now_s)
         pods = [*pods[:wished], *((f"w{step}-{number}", now_s + START_S) for number in range(wished - len(pods)))]
         history.append((busy, wished))
@@ -156,7 +158,27 @@ async def test_one_worker_becomes_six_and_one_again_and_none_flaps(
     assert changes == [*sorted(changes[: top + 1]), *sorted(changes[top + 1 :], reverse=True)], history
     assert (changes[0], max(changes), changes[-1]) == (1, 6, 1)
     assert len(set(changes[: top + 1])) == top + 1
-    assert [count for busy, count in history if busy][-10:] == [6] * 10
+    assert [count for busy, count in history if busy][-20:] == [6] * 20
+
+
+@pytest.mark.parametrize("wanted_hz", [83, 98])
+async def test_a_load_at_the_edge_of_one_worker_more_does_not_flap(
+    site: Site, scaled: dict[str, Any], query: str, tmp_path: Path, wanted_hz: float
+) -> None:
+    noise = random.Random(2)  # noqa: S311 - the same numbers each time
+    series, scaler = Series(tmp_path), Scaler(scaled)
+    pods = [("w0", 0.0)]
+    counts = []
+    for step in range(40):
+        now_s = step * SCRAPE_S
+        site.pass_time(wanted_hz * noise.uniform(0.9, 1.1), [name for name, ready_s in pods if ready_s <= now_s])
+        series.scrape(await site.text())
+        wished = scaler.decide(series.value(query), len(pods), now_s)
+        pods = [*pods[:wished], *((f"w{step}-{number}", now_s + START_S) for number in range(wished - len(pods)))]
+        counts.append(wished)
+    settled = wanted_hz * CALL_S / float(scaled["triggers"][0]["metadata"]["threshold"])
+    assert counts == sorted(counts)
+    assert abs(counts[-1] - settled) <= 1
 
 
 async def test_what_gateways_left_out_is_most_of_the_demand(site: Site, query: str, tmp_path: Path) -> None:
@@ -226,8 +248,40 @@ async def test_fleets_are_told_apart_by_the_labels_of_the_chart(site: Site, tmp_
     assert series.value(scaled["triggers"][0]["metadata"]["query"]) is None
 
 
+@pytest.mark.parametrize("service", ["distance", "cloud"])
+@pytest.mark.parametrize(
+    "tls", [{}, {"monitor": "m", "detector": "d", "space": "s1", "worldmodel": "w", "access": "a"}]
+)
+async def test_workers_in_the_cluster_follow_what_robots_leave_them(
+    site: Site, tmp_path: Path, service: str, tls: dict[str, str]
+) -> None:
+    scaling = {"detector": {"autoscaling": {"matchers": 'job="fleet"'}}, service: {"autoscaling": {"enabled": True}}}
+    (scaled,) = (each for each in render({**scaling, "tls": tls}) if each["kind"] == "ScaledObject")
+    assert scaled["spec"]["scaleTargetRef"] == {"name": f"{NAME}-{service}"}
+    query = scaled["spec"]["triggers"][0]["metadata"]["query"]
+    names = {"r7": "r7-300-beef", "cluster": f"{'s1' if tls else f'{NAME}-{service}-5d9-x2x'}-7-cafe"}
+    series = Series(tmp_path)
+    for step in range(12):
+        for place, worker in names.items():
+            done = 30 * step  # of 10 frames/s that are wanted where it is, it makes 2
+            camera = CameraLoad(
+                robot="r7" if place == "r7" else "r1",
+                camera=CAMERAS[0],
+                inferred=done,
+                dropped={REPLACED_DETECTIONS: 4 * done, "no points of the same instant": 1000 * step},
+                serving=True,
+            )
+            status = WorkerStatus(
+                service=service, worker=worker, model="", sent_ns=time.time_ns(), cameras=[camera], busy_s=done / 2
+            )
+            site.monitors[0].fleet.worker_status(status, time.time_ns())
+        site.pass_time(0, ["w0"])
+        series.scrape(await site.text(), 'job="fleet"')
+    assert series.value(query) == pytest.approx(5, rel=0.05)
+
+
 def test_the_rules_are_prometheus_own_and_the_query_is_one_of_them(query: str) -> None:
-    assert "7 rules found" in check_rules(RULES)
+    assert "9 rules found" in check_rules(RULES)
     groups = yaml.safe_load(RULES.read_text(encoding="utf-8"))["groups"]
     assert groups[0]["rules"][0]["expr"].strip() == query.strip()
     (rule,) = (each for each in render({"prometheusRule": {"enabled": True}}) if each["kind"] == "PrometheusRule")
@@ -242,3 +296,54 @@ async def test_the_rules_name_what_there_is(site: Site) -> None:
     assert {"fleetsight_camera_frames_beyond_use_total", "fleetsight_worker_busy_seconds_total"} <= named
     (reasons,) = set(re.findall(r'reason=~"([^"]+)"', RULES.read_text(encoding="utf-8")))
     assert set(reasons.split("|")) == {REPLACED, STALE} == set(TOO_MANY)
+    (reason,) = set(re.findall(r'reason="([^"]+)"', RULES.read_text(encoding="utf-8")))
+    assert reason == REPLACED_DETECTIONS == REPLACED_IN_CLOUDS
+
+
+def given(series: str, *values: str) -> list[dict[str, str]]:
+    return [{"series": series, "values": " ".join(values)}]
+
+
+@pytest.mark.parametrize(
+    ("alert", "series", "labels"),
+    [
+        ("MonitorIsGone", given("up", "0x40"), {}),
+        ("MonitorHearsNothing", given("fleetsight_mesh_up", "0x40"), {}),
+        ("HistoryIsNotKept", given("fleetsight_history_kept", "0x40"), {}),
+        ("LinksRunOut", given("fleetsight_links", "950x40") + given("fleetsight_links_limit", "1000x40"), {}),
+        (
+            "RobotGone",
+            given('fleetsight_robot_online{robot="r1"}', "0x40")
+            + given('fleetsight_robot_last_seen_seconds{robot="r1"}', "60x40"),
+            {"robot": "r1"},
+        ),
+        (
+            "MoreDetectorsNeeded",
+            given(f"fleetsight_worker_busy_seconds_total{DETECTOR_W0}", "0+60x40")
+            + given(f"fleetsight_worker_frames_dropped_total{DETECTOR_W0}", "0+1200x40"),
+            {},
+        ),
+    ],
+)
+def test_each_alert_is_raised_by_what_it_is_about_and_not_by_a_fleet_that_is_well(
+    tmp_path: Path, alert: str, series: list[dict[str, str]], labels: dict[str, str]
+) -> None:
+    well = [
+        *given("fleetsight_robots", "3x40"),
+        *given("fleetsight_mesh_up", "1x40"),
+        *given("fleetsight_history_kept", "1x40"),
+        *given("fleetsight_links", "10x40"),
+        *given("fleetsight_links_limit", "1000x40"),
+        *given('fleetsight_robot_online{robot="r1"}', "1x40"),
+        *given('fleetsight_robot_last_seen_seconds{robot="r1"}', "0+60x40"),
+        *given(f"fleetsight_worker_online{DETECTOR_W0}", "1x40"),
+        *given(f"fleetsight_worker_busy_seconds_total{DETECTOR_W0}", "0+30x40"),
+        *given(f"fleetsight_worker_frames_inferred_total{DETECTOR_W0}", "0+600x40"),
+        *given(f"fleetsight_worker_frames_dropped_total{DETECTOR_W0}", "0x40"),
+    ]
+    alerts = rules_of(RULES, "alert")
+    assert alert in alerts
+    assert raised(RULES, well, tmp_path) == {name: [] for name in alerts}
+    others = {} if alert == "MonitorIsGone" else {each["series"]: each for each in well}
+    ill = [*{**others, **{each["series"]: each for each in series}}.values()]
+    assert raised(RULES, ill, tmp_path)[alert] == [labels]

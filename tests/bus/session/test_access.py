@@ -1,5 +1,7 @@
 """A router's rules, and that nobody is let in by default."""
 
+import gzip
+import json
 from pathlib import Path
 
 import pytest
@@ -70,6 +72,16 @@ def test_what_is_no_rules_says_how_they_are_made(fleet: Path, tmp_path: Path, te
     file.write_text(text)
     with pytest.raises(BusError, match=rf"access {file}: {reason}; `fleetsight access fleet\.yaml --to mine\.json`"):
         read_access(settings(fleet, "tls/127.0.0.1:7447", access=file))
+
+
+def test_rules_may_be_compressed(fleet: Path, tmp_path: Path) -> None:
+    file, rules = tmp_path / "access.json", (fleet / "access.json").read_bytes()
+    file.write_bytes(gzip.compress(rules))
+    given = settings(fleet, "tls/127.0.0.1:7447", access=file)
+    assert read_access(given) == json.loads(rules)
+    file.write_bytes(gzip.compress(rules)[:-9])
+    with pytest.raises(BusError, match=rf"access {file}: its compression is damaged: "):
+        read_access(given)
 
 
 def test_a_key_that_everybody_may_read_is_refused(fleet: Path, tmp_path: Path) -> None:

@@ -31,6 +31,34 @@ def check_rules(file: Path) -> str:
     return done.stdout
 
 
+def rules_of(file: Path, kind: str) -> list[str]:
+    """Return the names of a file's rules. kind: `alert` or `record`."""
+    groups = yaml.safe_load(file.read_text(encoding="utf-8"))["groups"]
+    return [rule[kind] for group in groups for rule in group["rules"] if kind in rule]
+
+
+def raised(rules: Path, series: Sequence[Mapping[str, str]], folder: Path) -> dict[str, list[dict[str, str]]]:
+    """Return the labels of what each alert of a file has raised after half an hour of series, a value each minute."""
+    require_promtool()
+    names = rules_of(rules, "alert")
+    expected = [{"alertname": name, "eval_time": "30m", "exp_alerts": [{"exp_labels": {"no": name}}]} for name in names]
+    test = {"interval": "1m", "input_series": list(series), "alert_rule_test": expected}
+    file = folder / "alerts.yaml"
+    file.write_text(yaml.safe_dump({"rule_files": [str(rules)], "tests": [test]}, width=1_000_000), encoding="utf-8")
+    said = subprocess.run([PROMTOOL, "test", "rules", file], capture_output=True, text=True, check=False)
+    text = said.stdout + said.stderr
+    got = r"alertname: (\w+), time: .*?got:\[(.*?)\n? *\]$"
+    found = dict(re.findall(got, text, re.MULTILINE | re.DOTALL))
+    assert found.keys() == set(names), text
+    labels = {name: re.findall(r"Labels:\{([^}]*)\}", got) for name, got in found.items()}
+    return {
+        name: [
+            {key: value for key, value in re.findall(r'(\w+)="([^"]*)"', each) if key != "alertname"} for each in texts
+        ]
+        for name, texts in labels.items()
+    }
+
+
 class Series:
     """What a Prometheus has scraped, every SCRAPE_S."""
 

@@ -1,5 +1,6 @@
 """`fleetsight pki`: what it makes, OpenSSL checks."""
 
+import gzip
 import os
 import re
 import stat
@@ -156,6 +157,15 @@ async def test_a_failure_is_one_error(tmp_path: Path) -> None:
     (tmp_path / "fleet.yaml").write_text("robots: [r2..r1]")
     with pytest.raises(AccessError, match=r"fleet.yaml, line 1: robots.0"):
         await run_access(AccessSettings(fleet=tmp_path / "fleet.yaml"))
+
+
+async def test_rules_of_thousands_of_robots_fit_where_a_mebibyte_does(tmp_path: Path) -> None:
+    (tmp_path / "fleet.yaml").write_text("robots: [r1..r1000]")
+    plain, packed = tmp_path / "access.json", tmp_path / "access.json.gz"
+    for file in (plain, packed):
+        await run_access(AccessSettings(fleet=tmp_path / "fleet.yaml", to=file))
+    assert gzip.decompress(packed.read_bytes()) == plain.read_bytes()
+    assert 5 * packed.stat().st_size < 1 << 20
 
 
 async def test_rules_deny_who_is_revoked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -59,6 +59,10 @@ spec:
         timeoutSeconds: 5
         failureThreshold: 6
       {{- else }}
+      readinessProbe:
+        exec:
+          command: [grep, -q, serving, /tmp/heartbeat]
+        periodSeconds: 5
       livenessProbe:
         exec:
           command: [python3, -c, "import os, sys, time; sys.exit(time.time() - os.stat('/tmp/heartbeat').st_mtime > 30)"]

@@ -5,6 +5,7 @@ import contextlib
 import logging
 import os
 import socket
+import threading
 from collections.abc import MutableMapping
 from pathlib import Path
 from typing import Final
@@ -15,6 +16,11 @@ INTERVAL: Final = "WATCHDOG_USEC"
 WATCHED: Final = "WATCHDOG_PID"
 HEARTBEAT: Final = "FLEETSIGHT_HEARTBEAT_FILE"
 HEARTBEAT_S: Final = 5.0
+STARTING: Final = "starting\n"
+SERVING: Final = "serving\n"
+
+serving: Final = threading.Event()
+"""Set once this process does its work: a worker has its model and shares cameras with others."""
 
 log = logging.getLogger(__name__)
 
@@ -48,18 +54,25 @@ async def report(environment: MutableMapping[str, str] = os.environ) -> None:
 
 
 async def touch_heartbeat(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Set the time of the file named by FLEETSIGHT_HEARTBEAT_FILE every HEARTBEAT_S seconds, for probes of containers.
+    """Write STARTING or SERVING to the file named by FLEETSIGHT_HEARTBEAT_FILE every HEARTBEAT_S seconds.
 
-    Returns at once where none is named. The variable is removed from the environment, as in `report`.
+    Probes of containers look at its time, and at what it says. Returns at once where none is named. The variable is
+    removed from the environment, as in `report`.
     """
-    path = environment.pop(HEARTBEAT, "")
+    path, said = environment.pop(HEARTBEAT, ""), ""
     while path:
-        _touch(Path(path))
+        says = SERVING if serving.is_set() else STARTING
+        _touch(Path(path), "" if says == said else says)
+        said = says
         await asyncio.sleep(HEARTBEAT_S)
 
 
-def _touch(file: Path) -> None:
+def _touch(file: Path, text: str) -> None:
+    """Write a text to a file, or set its time if there is none to write."""
     try:
-        file.touch()
+        if text:
+            file.write_text(text, encoding="ascii")
+        else:
+            file.touch()
     except OSError as error:
         log.warning("%s: %s cannot be written: %s; name a file in a writable folder", HEARTBEAT, file, error.strerror)

@@ -8,6 +8,7 @@ import textwrap
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 
@@ -21,6 +22,22 @@ RUNNING = """
         print(sorted(name for name in os.environ if name.startswith(("NOTIFY", "WATCHDOG"))), flush=True)
         await asyncio.sleep(60)
 
+    process.leave(process.run(main))
+"""
+
+BEATING = """
+    import asyncio, sys
+    from services import service_manager
+    from services.toolbox import process
+
+    async def main():
+        await asyncio.sleep(0.1)
+        print(flush=True)
+        await asyncio.to_thread(sys.stdin.readline)
+        service_manager.serving.set()
+        await asyncio.sleep(60)
+
+    service_manager.HEARTBEAT_S = 0.05
     process.leave(process.run(main))
 """
 
@@ -94,19 +111,38 @@ def test_a_watchdog_of_another_process_hears_nothing(manager: Manager) -> None:
         child.terminate()
 
 
-def test_a_file_is_touched_again_and_again_while_the_event_loop_turns(tmp_path: Path) -> None:
-    heartbeat = tmp_path / "heartbeat"
-    script = textwrap.dedent(RUNNING).replace("process\n", "process, service_manager as it; it.HEARTBEAT_S = 0.05\n", 1)
+@contextlib.contextmanager
+def beating(heartbeat: Path) -> Iterator[subprocess.Popen[str]]:
+    """Run a process with a heartbeat; it serves once it has read a line."""
     environment = {**os.environ, "FLEETSIGHT_HEARTBEAT_FILE": str(heartbeat)}
-    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=environment) as child:
+    command = [sys.executable, "-c", textwrap.dedent(BEATING)]
+    with subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True, env=environment) as child:
         assert child.stdout is not None
         child.stdout.readline()
+        yield child
+        child.terminate()
+        assert child.wait(20) == 0
+
+
+def test_a_file_is_touched_again_and_again_while_the_event_loop_turns(tmp_path: Path) -> None:
+    heartbeat = tmp_path / "heartbeat"
+    with beating(heartbeat) as child:
         os.utime(heartbeat, (0, 0))
         while not heartbeat.stat().st_mtime:
             assert child.poll() is None
             time.sleep(0.01)
-        child.terminate()
-        assert child.wait(20) == 0
+
+
+def test_the_file_says_when_the_process_has_begun_to_serve(tmp_path: Path) -> None:
+    heartbeat = tmp_path / "heartbeat"
+    with beating(heartbeat) as child:
+        assert heartbeat.read_text(encoding="ascii") == "starting\n"
+        assert child.stdin is not None
+        child.stdin.write("\n")
+        child.stdin.flush()
+        while heartbeat.read_text(encoding="ascii") != "serving\n":
+            assert child.poll() is None
+            time.sleep(0.01)
 
 
 def test_a_file_that_cannot_be_touched_is_named(tmp_path: Path) -> None:
