@@ -27,6 +27,8 @@ log = logging.getLogger(__name__)
 DAY: Final = timedelta(days=1)
 HOUR: Final = timedelta(hours=1)
 MAX_TOKEN: Final = 512
+ACCESS: Final = "access.json"
+MOST_TOLD: Final = 5
 SOON: Final = 14
 """Days before its end at which a certificate is marked; one that its machine renews, once that is overdue."""
 
@@ -55,14 +57,35 @@ async def run_pki(settings: PkiSettings) -> None:
     sys.stdout.writelines(f"{line}\n" for line in lines)
 
 
-def _init(authority: Authority, _: PkiSettings) -> Iterator[str]:
+def _init(authority: Authority, settings: PkiSettings) -> Iterator[str]:
+    fleet = None if settings.fleet is None else _read_fleet(settings.fleet)
     made = authority.make()
     yield f"{made}: the fleet's authority; its key stays in {authority.folder}"
+    if fleet is not None and settings.fleet is not None:
+        yield from _issue_all(authority, settings.fleet, fleet, settings.days)
 
 
 def _issue(authority: Authority, settings: PkiSettings) -> Iterator[str]:
+    if settings.fleet is not None:
+        yield from _issue_all(authority, settings.fleet, _read_fleet(settings.fleet), settings.days)
+        return
     made = authority.issue(settings.name, settings.hosts, settings.days)
     yield f"{made}, {made.with_suffix('.key')}: for {settings.name}, good for {settings.days:g} days"
+
+
+def _issue_all(authority: Authority, file: Path, fleet: FleetFile, days: float) -> Iterator[str]:
+    """Make what the names of a fleet file lack, and the rules beside it."""
+    there = {each.name for each in authority.all()} | fleet.denied_names()
+    there |= {name for name, _ in Invitations(authority).pending(datetime.now(UTC))}
+    names = [name for name in (*fleet.robot_names(), *fleet.roles) if name not in there]
+    for name in names:
+        authority.issue(name, (), days)
+    if names:
+        told = ", ".join(names[:MOST_TOLD]) + (", ..." if len(names) > MOST_TOLD else "")
+        yield f"{authority.folder}/NAME.pem, NAME.key: {len(names)} new, good for {days:g} days: {told}"
+    access = file.with_name(ACCESS)
+    _write(access, _rules(fleet, authority.folder))
+    yield f"{access}: what each of them may do, for the routers"
 
 
 def _list(authority: Authority, _: PkiSettings) -> Iterator[str]:
@@ -192,7 +215,7 @@ async def run_access(settings: AccessSettings) -> None:
         AccessError: the file cannot be used, or the rules not be written.
     """
     try:
-        text = await asyncio.to_thread(_rules, settings)
+        text = await asyncio.to_thread(lambda: _rules(_read_fleet(settings.fleet), settings.folder))
         if settings.to is None:
             sys.stdout.write(text)
         else:
@@ -201,10 +224,10 @@ async def run_access(settings: AccessSettings) -> None:
         raise AccessError(f"{error.filename}: {error.strerror}") from error
 
 
-def _rules(settings: AccessSettings) -> str:
-    fleet = _read_fleet(settings.fleet)
-    if settings.folder is not None:
-        fleet = _without_revoked(fleet, settings.folder)
+def _rules(fleet: FleetFile, folder: Path | None) -> str:
+    """Return the rules as text. folder: of an authority whose revoked names are denied, too."""
+    if folder is not None:
+        fleet = _without_revoked(fleet, folder)
     return json.dumps(access_control(fleet), indent=1) + "\n"
 
 

@@ -13,8 +13,8 @@ from services.access.enrolment_protocol import PORT, Token, parse_address
 from services.option_names import Secret, given_as_options
 
 TAKES: Final = {
-    "init": (),
-    "issue": ("name", "hosts", "days"),
+    "init": ("fleet", "days"),
+    "issue": ("name", "hosts", "days", "fleet"),
     "invite": ("name", "hosts", "days", "hours", "replace", "at", "fleet"),
     "serve": ("at", "fleet"),
     "enrol": ("name", "at", "token", "into", "renew"),
@@ -24,7 +24,7 @@ TAKES: Final = {
 }
 """Settings of each task, beside `folder`."""
 
-NEEDS_NAME: Final = ("issue", "invite", "revoke")
+NEEDS_NAME: Final = ("invite", "revoke")
 NO_FOLDER: Final = ("enrol",)
 
 
@@ -68,7 +68,8 @@ class PkiSettings(BaseModel):
     fleet.yaml names it (see `fleetsight access`). `list` says how many days each is good for, `renew` makes one anew
     with the same key, or all that end soon and whose machines do not renew them, and `revoke` deletes the key and keeps
     the name from being used again. Files are in --folder: ca.pem goes to every machine, r1.pem and r1.key to r1 alone,
-    ca.key nowhere.
+    ca.key nowhere. With --fleet fleet.yaml, `init` and `issue` make a certificate for every name in that file that has
+    none, and access.json beside it, which is what `fleetsight access` writes.
 
     So that no key is copied, `invite` prints a token, which lets one machine enrol once, and the command to run there:
     `enrol` asks for the token, or reads it from standard input, makes the key, and gets a certificate from `serve`,
@@ -100,7 +101,11 @@ class PkiSettings(BaseModel):
         Field(description=f"host:port of `serve`, at which it listens (by default 0.0.0.0:{PORT}) and machines enrol"),
     ] = None
     fleet: Annotated[
-        File | None, Field(description="fleet.yaml, whose denied names are not invited, enrolled or renewed")
+        File | None,
+        Field(
+            description="fleet.yaml, whose denied names are not invited, enrolled or renewed; init and issue make what"
+            " its other names lack"
+        ),
     ] = None
     hours: Annotated[float, Field(gt=0, le=720, description="hours for which an invitation is good")] = 1
     replace: Annotated[
@@ -131,6 +136,12 @@ class PkiSettings(BaseModel):
     def _has_what_its_task_takes(self, info: ValidationInfo) -> Self:
         if self.task in NEEDS_NAME and not self.name:
             raise ValueError(f"{self.task} needs a name: fleetsight pki {self.task} r1")
+        if self.task == "issue" and bool(self.name) == bool(self.fleet):
+            raise ValueError("issue needs a name, or --fleet for all that have none: fleetsight pki issue r1")
+        if self.task == "issue" and self.fleet and self.hosts:
+            raise ValueError("--hosts is for one certificate: fleetsight pki issue central --hosts 192.168.0.10")
+        if self.task == "init" and not self.fleet and "days" in given_as_options(self, info):
+            raise ValueError("init takes --days with --fleet alone: the authority itself is good for longer")
         takes = {"task", *TAKES[self.task], *(() if self.task in NO_FOLDER else ("folder",))}
         if more := given_as_options(self, info) - takes:
             raise ValueError(f"{self.task} takes no --{min(more).replace('_', '-')}")

@@ -179,6 +179,7 @@ COMMANDS: Final = (
         lasting=("serve",),
         examples=(
             "fleetsight pki init",
+            "fleetsight pki init --fleet fleet.yaml",
             "fleetsight pki issue central --hosts 192.168.0.10",
             "fleetsight pki issue r1",
             "fleetsight pki list",

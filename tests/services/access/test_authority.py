@@ -1,6 +1,7 @@
 """`fleetsight pki`: what it makes, OpenSSL checks."""
 
 import gzip
+import json
 import os
 import re
 import stat
@@ -159,6 +160,29 @@ async def test_a_failure_is_one_error(tmp_path: Path) -> None:
         await run_access(AccessSettings(fleet=tmp_path / "fleet.yaml"))
 
 
+async def test_a_fleet_file_gets_what_its_names_lack(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, fleet = tmp_path / "pki", tmp_path / "fleet.yaml"
+    fleet.write_text("{robots: [r1..r3], roles: {central: monitor}, denied: [r3]}")
+    await pki(folder, {"task": "init", "fleet": fleet, "days": 5})
+    said = capsys.readouterr().out
+    assert f"{folder}/NAME.pem, NAME.key: 3 new, good for 5 days: r1, r2, central\n{tmp_path}/access.json:" in said
+    key = (folder / "r1.key").read_bytes()
+    await pki(folder, {"task": "revoke", "name": "r2"}, {"task": "invite", "name": "lift"})
+    fleet.write_text("{robots: [r1..r3, lift], roles: {central: monitor, gpu1: detector}, denied: [r3]}")
+    capsys.readouterr()
+    await pki(folder, {"task": "issue", "fleet": fleet})
+    assert "1 new, good for 90 days: gpu1\n" in capsys.readouterr().out
+    assert (folder / "r1.key").read_bytes() == key
+    rules = json.loads((tmp_path / "access.json").read_bytes())
+    assert {subject["id"] for subject in rules["subjects"]} == {"r1", "lift", "central", "gpu1"}
+    await pki(folder, {"task": "issue", "fleet": fleet})
+    assert "new" not in capsys.readouterr().out
+    fleet.write_text("{robots: [r1], roles: {r1: monitor}}")
+    with pytest.raises(AccessError, match=r"fleet.yaml, line 1"):
+        await pki(tmp_path / "other", {"task": "init", "fleet": fleet})
+    assert not (tmp_path / "other").exists()
+
+
 async def test_rules_of_thousands_of_robots_fit_where_a_mebibyte_does(tmp_path: Path) -> None:
     (tmp_path / "fleet.yaml").write_text("robots: [r1..r1000]")
     plain, packed = tmp_path / "access.json", tmp_path / "access.json.gz"
@@ -184,7 +208,10 @@ async def test_rules_deny_who_is_revoked(tmp_path: Path, capsys: pytest.CaptureF
     ("given", "reason"),
     [
         ({"task": "issue"}, "issue needs a name"),
+        ({"task": "issue", "name": "r1", "fleet": Path(__file__)}, "issue needs a name, or --fleet for all"),
+        ({"task": "issue", "fleet": Path(__file__), "hosts": ["a"]}, "--hosts is for one certificate"),
         ({"task": "init", "name": "r1"}, "init takes no --name"),
+        ({"task": "init", "days": 5}, "init takes --days with --fleet alone"),
         ({"task": "revoke", "name": "r1", "days": 5}, "revoke takes no --days"),
         ({"task": "issue", "name": "a b"}, "certificate name 'a b'"),
         ({"task": "issue", "name": "r1", "hosts": ["a b"]}, "'a b' is neither a host's name nor an address"),
