@@ -74,8 +74,8 @@ def of_robot(name: str) -> Permissions:
         shows=(
             f"fleet/{name}/**",
             f"fleet/{name}/@alive/*",
-            f"workers/*/*/*/{name}/alive",
-            f"workers/*/*/serves/{name}/*",
+            f"workers/*/{name}-$*/*/{name}/alive",
+            f"workers/*/{name}-$*/serves/{name}/*",
         ),
         watches=(f"fleet/{name}/**", f"fleet/{name}/@alive/*", "workers/**"),
     )

@@ -70,7 +70,9 @@ def test_a_robot_at_one_is_heard_at_the_other_by_those_who_may(
 def test_its_presence_is_too(members: tuple[bool, dict[str, zenoh.Session]]) -> None:
     are_routers, of = members
     seen = Seen()
-    subscriber = of["ann"].liveliness().declare_subscriber("fleet/*/alive", seen)
+    subscriber = (
+        of["ann"].liveliness().declare_subscriber("fleet/*/alive", seen, history=True)
+    )  # a token may overtake it
     tokens: list[zenoh.LivelinessToken] = []
 
     def show(robot: str) -> None:
