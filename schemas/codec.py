@@ -16,7 +16,16 @@ from schemas.errors import SchemaError
 from schemas.header import Header
 from schemas.image import ImageFrame
 from schemas.inventory import InventoryAnswer, InventoryRequest, WarehouseReport
-from schemas.models import ModelPiece, ModelPieceRequest, ModelRegistry, ModelUpload, ModelUploadAnswer, ModelUse
+from schemas.models import (
+    ModelPiece,
+    ModelPieceRequest,
+    ModelRegistry,
+    ModelUpload,
+    ModelUploadAnswer,
+    ModelUse,
+    PictureRequest,
+    SavedPicture,
+)
 from schemas.objects import ObjectClouds
 from schemas.points import PointCloud
 from schemas.ros import RawMessage, ServiceRequest, ServiceResponse, Text
@@ -61,6 +70,8 @@ Message = (
     | ModelUpload
     | ModelUploadAnswer
     | ModelUse
+    | PictureRequest
+    | SavedPicture
 )
 M = TypeVar("M", bound=Message)
 
@@ -102,6 +113,8 @@ MAX_BYTES: Final[dict[type, int]] = {
     ModelUpload: 1024 * KIB,
     ModelUploadAnswer: 64 * KIB,
     ModelUse: 128 * KIB,
+    PictureRequest: 64 * KIB,
+    SavedPicture: 64 * KIB,
 }
 """Maximum payload size per message type, checked before a byte of it is read."""
 

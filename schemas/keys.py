@@ -189,6 +189,9 @@ EVERY_GATEWAY_STATUS: Final = "fleet/*/status"
 INVENTORY: Final = "services/monitor/inventory"
 """The key under which the monitor answers an InventoryRequest, also an empty one, with an InventoryAnswer."""
 
+COLLECT: Final = "services/collect"
+"""The key under which `fleetsight collect --asked` answers a PictureRequest with a SavedPicture."""
+
 
 @dataclass(frozen=True, slots=True)
 class StreamKey:

@@ -1,10 +1,13 @@
-"""The model registry: published weights, which of them are in force, and the pieces in which files travel."""
+"""The model registry: published weights, which of them are in force, and the pieces in which files travel.
+
+Also how a picture is asked for that a model is to learn from.
+"""
 
 from typing import Annotated, Final, Literal
 
 import msgspec
 
-from schemas.header import Label, Name, Nanoseconds
+from schemas.header import Count, Label, Name, Nanoseconds
 
 PIECE_BYTES: Final = 512 << 10
 """Bytes of each piece of a file but the last: larger requests and replies may be lost on a busy link."""
@@ -108,6 +111,26 @@ class ModelUse(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     digest: MaybeDigest
     robots: Annotated[list[Name], msgspec.Meta(max_length=MAX_CANARY_ROBOTS)] = []
     leaving: MaybeDigest = ""
+
+
+class PictureRequest(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Asks for a picture of a camera to be saved in a data set. by: who asks."""
+
+    robot: Name
+    camera: Name
+    by: Label = ""
+
+
+class SavedPicture(msgspec.Struct, frozen=True, kw_only=True):
+    """A picture that was saved.
+
+    file: its path in the data set. folder: the data set's, on the machine of whoever saved it. objects: how many its
+    draft of labels has, if it has one.
+    """
+
+    file: Label
+    folder: Label
+    objects: Count | None = None
 
 
 def pieces_of(size: int) -> int:

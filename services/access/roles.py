@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
+from schemas.keys import COLLECT
 from schemas.worker_keys import ModelKey
 
 ALL: Final = ("fleet/**", "workers/**", "services/**", "world/**", "warehouses/**")
@@ -112,7 +113,9 @@ OF_ALL: Final = {
         shows=WANTED,
         watches=PRESENCE,
     ),
-    Role.OPERATOR: Permissions(asks=(*ALL, MODELS), hears=(*ALL, MODELS), shows=WANTED, watches=PRESENCE),
+    Role.OPERATOR: Permissions(
+        sends=(COLLECT,), asks=(*ALL, MODELS), hears=(*ALL, MODELS), shows=WANTED, watches=PRESENCE
+    ),
     Role.ROUTER: Permissions(
         sends=(*ALL, MODELS), asks=(*ALL, MODELS), hears=(*ALL, MODELS), shows=PRESENCE, watches=PRESENCE
     ),  # it passes on what it let in under the same rules

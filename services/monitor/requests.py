@@ -1,4 +1,4 @@
-"""Requests on the bus: answers inventory queries, and reads robots' clocks."""
+"""Requests on the bus: answers inventory queries, reads robots' clocks, and has pictures saved."""
 
 import asyncio
 import logging
@@ -8,11 +8,13 @@ from contextlib import AbstractAsyncContextManager
 from itertools import islice
 from typing import Final
 
-from bus import Bus, RefusedError, Reply, Request, RequestError
+from bus import Bus, NotServedError, RefusedError, Reply, Request, RequestError
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
 from schemas.inventory import MAX_PROBLEMS, MAX_SIGHTINGS, ClassSighting, InventoryAnswer, InventoryRequest
+from schemas.keys import CameraKey
+from schemas.models import PictureRequest, SavedPicture
 from schemas.status import ClockReading
 from services.monitor.display import Problems
 from services.monitor.event_loop import in_turns
@@ -71,6 +73,31 @@ def _sighting(entry: Entry) -> ClassSighting:
         worker=of.worker,
         available=entry.available,
     )
+
+
+PICTURE_S: Final = 25.0
+"""Time for a picture and the answer of a detector worker to it."""
+
+
+class PictureError(Exception):
+    """A picture was not saved; the message says why, and what helps."""
+
+
+async def save_picture(bus: Bus, camera: CameraKey, by: str) -> SavedPicture:
+    """Have a picture of a camera saved by a `fleetsight collect --asked`. by: who asks for it.
+
+    Raises:
+        PictureError: none runs, or it did not save it.
+    """
+    asked = codec.encode(PictureRequest(robot=camera.robot, camera=camera.camera, by=by))
+    encoding = codec.encoding(PictureRequest)
+    try:
+        reply = await bus.request(keys.COLLECT, asked, encoding=encoding, timeout_s=PICTURE_S)
+        return codec.decode(SavedPicture, reply.payload, reply.encoding)
+    except NotServedError as error:
+        raise PictureError("nobody collects pictures: run fleetsight collect FOLDER --asked") from error
+    except (RequestError, SchemaError) as error:
+        raise PictureError(str(error)) from error
 
 
 log = logging.getLogger(__name__)

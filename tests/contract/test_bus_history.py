@@ -64,6 +64,7 @@ async def test_a_publisher_may_keep_none(buses: tuple[Bus, Bus]) -> None:
             await until(lambda: out.wanted)
             out.put(b"0")
             assert (await next_of(first)).payload == b"0"
+        await until(lambda: not out.wanted)
         async with here.subscribe(KEY, QUEUE(9)) as second:
             await until(lambda: out.wanted)
             out.put(b"1")

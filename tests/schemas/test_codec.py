@@ -19,7 +19,9 @@ from schemas.models import (
     ModelUpload,
     ModelUploadAnswer,
     ModelUse,
+    PictureRequest,
     PublishedModel,
+    SavedPicture,
 )
 from schemas.points import PointCloud, PointField
 from schemas.ros import RawMessage, ServiceRequest, ServiceResponse, Text
@@ -72,6 +74,9 @@ MESSAGES: list[Message] = [
     ModelUpload(model=MODEL, index=0, data=memoryview(b"\x05")),
     ModelUploadAnswer(missing=[1, 2]),
     ModelUse(digest="", robots=["r1"], leaving="0" * 64),
+    PictureRequest(robot="r1", camera="front", by="ann"),
+    SavedPicture(file="train/images/r1-front_1.jpg", folder="/data/site", objects=2),
+    SavedPicture(file="train/images/r1-front_2.jpg", folder="/data/site"),
     ClockReading(robot="r1", boot_id="b", clock_id="c", received_ns=1, sent_ns=2, ros_ns=3),
     ServiceRequest(type="std_srvs/SetBool", md5="09fb03525b03e7ea1fd3992bafd87e16", argument=True, timeout_s=0.5),
     ServiceRequest(data=b"\x05", timeout_s=5),

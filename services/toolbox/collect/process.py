@@ -5,10 +5,12 @@ import logging
 import sys
 from asyncio import Event, Lock, Task, TaskGroup
 from collections import Counter
+from contextlib import AsyncExitStack, suppress
 from functools import partial
+from pathlib import Path
 from typing import Final
 
-from bus import LATEST, QUEUE, Bus, RequestError, Sample, Subscription, Watch, open_bus
+from bus import LATEST, QUEUE, Bus, RefusedError, Reply, Request, RequestError, Sample, Subscription, Watch, open_bus
 from fleetsight.asking import ask_detectors
 from fleetsight.listening import images_of
 from fleetsight.patterns import chunk
@@ -16,8 +18,10 @@ from gateway.ros1.tasks import to_the_end
 from schemas import codec, keys
 from schemas.detections import ClassList, Detections
 from schemas.errors import SchemaError
+from schemas.header import MAX_LABEL
 from schemas.image import ImageFrame
 from schemas.keys import ALIVE, CameraKey, Stream
+from schemas.models import PictureRequest, SavedPicture
 from schemas.printing import printable
 from services.toolbox.collect.dataset import Dataset
 from services.toolbox.collect.pictures import Picture, blurred, picture_of
@@ -32,6 +36,10 @@ ANSWER_S: Final = 10.0
 """Seconds to wait for a detector worker's answer."""
 
 log = logging.getLogger(__name__)
+
+
+class _NotSavedError(Exception):
+    """A picture was not saved; the message says why."""
 
 
 async def run(settings: CollectSettings) -> int:
@@ -81,12 +89,15 @@ class Collecting:
         async with (
             bus.watch(f"{where}/{Stream.COLOR}/{ALIVE}") as present,
             TaskGroup() as group,
+            AsyncExitStack() as stack,
         ):
             running = [group.create_task(self._watch(present, bus, group))]
             if self._settings.unsure or self._settings.appears or self._settings.disagree:
                 running.append(group.create_task(self._follow(bus, f"{where}/{Stream.CLASSES}")))
             if self._settings.disagree:
                 running.append(group.create_task(self._follow(bus, f"{where}/{Stream.OPINION}")))
+            if self._settings.asked:
+                await stack.enter_async_context(bus.serve(keys.COLLECT, partial(self._answer, bus)))
             try:
                 async with asyncio.timeout(self._settings.seconds):
                     await self._full.wait()
@@ -129,33 +140,60 @@ class Collecting:
     async def _serve(self, bus: Bus, key: CameraKey, camera: "_Camera") -> None:
         """Take pictures of a camera when there is a reason, with a rest after each."""
         while True:
-            await self._take(bus, key, await camera.reason(self._settings.every_s, self._settings.rest_s))
+            why = await camera.reason(self._settings.every_s, self._settings.rest_s)
+            with suppress(_NotSavedError):
+                await self._take(bus, key, why, self._settings.least_difference)
             await asyncio.sleep(self._settings.rest_s)
             camera.forget()
 
-    async def _take(self, bus: Bus, key: CameraKey, why: str) -> None:
+    async def _answer(self, bus: Bus, request: Request) -> Reply:
+        """Save the picture that somebody asks for, whatever it looks like."""
+        try:
+            asked = codec.decode(PictureRequest, request.payload, request.encoding)
+        except SchemaError as error:
+            raise RefusedError(str(error)) from error
+        key = CameraKey(asked.robot, asked.camera)
+        if key not in self._cameras:
+            raise RefusedError(f"{key} is not online, or not among the cameras that are collected from")
+        try:
+            file, found = await self._take(bus, key, f"asked for by {asked.by or 'somebody'}", least_difference=0)
+        except _NotSavedError as error:
+            raise RefusedError(str(error)) from error
+        folder = self._dataset.folder
+        saved = SavedPicture(
+            file=printable(str(file.relative_to(folder)))[:MAX_LABEL],
+            folder=printable(str(folder.resolve()))[:MAX_LABEL],
+            objects=None if found is None else len(found.objects),
+        )
+        return Reply(codec.encode(saved), codec.encoding(SavedPicture))
+
+    async def _take(self, bus: Bus, key: CameraKey, why: str, least_difference: int) -> tuple[Path, Detections | None]:
+        """Save a picture of a camera; return its file, and its drafts if it has any.
+
+        Raises:
+            _NotSavedError: it was not saved; that is counted and logged.
+        """
         try:
             async with asyncio.timeout(IMAGE_S), images_of(bus, key, LATEST) as frames:
                 picture = await asyncio.to_thread(picture_of, await _image(frames, key))
         except TimeoutError:
-            self._lose(key, "without an image", f"no image within {IMAGE_S:g} s")
-            return
+            raise self._lost(key, "without an image", f"no image within {IMAGE_S:g} s") from None
         except ValueError as error:
-            self._lose(key, "damaged", f"{error}")
-            return
-        if self._dataset.is_known(key, picture.fingerprint, self._settings.least_difference):
+            raise self._lost(key, "damaged", f"{error}") from error
+        if self._dataset.is_known(key, picture.fingerprint, least_difference):
             self.counts["like others"] += 1
-            return
+            raise _NotSavedError("it looks like one that was saved")
         found = None
         if self._settings.drafts or self._settings.blur:
             try:
                 found = await ask_detectors(bus, picture.file, ANSWER_S)
             except (RequestError, SchemaError) as error:  # without labels it would say that there is nothing to see
-                self._lose(key, "without an answer of a detector worker", f"not saved: {error}")
-                return
-        await self._save(key, picture, why, found)
+                raise self._lost(key, "without an answer of a detector worker", f"not saved: {error}") from error
+        return await self._save(key, picture, why, found)
 
-    async def _save(self, key: CameraKey, picture: Picture, why: str, found: Detections | None) -> None:
+    async def _save(
+        self, key: CameraKey, picture: Picture, why: str, found: Detections | None
+    ) -> tuple[Path, Detections | None]:
         hidden = tuple(self._settings.blur)
         if found is not None and hidden:
             picture = await asyncio.to_thread(blurred, picture, found.objects, hidden)
@@ -163,19 +201,20 @@ class Collecting:
         try:
             async with self._saving:
                 if self._full.is_set():
-                    return
+                    raise _NotSavedError("the folder has as many pictures as it is to have (--most, --most-mb)")
                 save = partial(self._dataset.save, picture, why, drafts, self._settings.split, hidden)
                 file = await to_the_end(asyncio.to_thread(save))
         except OSError as error:
-            self._lose(key, "not written", f"{error.filename}: {error.strerror}")
-            return
+            raise self._lost(key, "not written", f"{error.filename}: {error.strerror}") from error
         self.counts[SAVED] += 1
         log.info("%s: %s", file, why)
         self._note_size()
+        return file, drafts
 
-    def _lose(self, key: CameraKey, reason: str, error: str) -> None:
+    def _lost(self, key: CameraKey, reason: str, error: str) -> "_NotSavedError":
         self.counts[reason] += 1
         log.warning("%s: %s", key, printable(error))
+        return _NotSavedError(f"{key}: {printable(error)}")
 
     def _note_size(self) -> None:
         if self._dataset.count >= self._settings.most or self._dataset.size >= self._settings.most_mb * 1e6:

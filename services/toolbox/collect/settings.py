@@ -39,8 +39,9 @@ ClassName = Annotated[str, Field(min_length=1, max_length=MAX_LABEL)]
 class CollectSettings(BusSettings):
     """Save pictures of live cameras in a data-set folder, with what a model finds in them as drafts of labels.
 
-    A picture is taken when one of the rules says so: --every-s, --unsure, --appears, --disagree. Cameras send nothing
-    else than those pictures; the rules watch class lists. It ends at its limits, or when it is told to.
+    A picture is taken when one of the rules says so: --every-s, --unsure, --appears, --disagree, or with --asked when
+    an operator presses the button on a camera's page. Cameras send nothing else than those pictures; the rules watch
+    class lists. It ends at its limits, or when it is told to.
     """
 
     folder: Annotated[Path, Field(description="data-set folder to save to, made or continued; also the first argument")]
@@ -59,6 +60,9 @@ class CollectSettings(BusSettings):
     ] = []
     disagree: Annotated[
         bool, Field(description="take one when a detector run with --opinion sees other classes than the fleet's")
+    ] = False
+    asked: Annotated[
+        bool, Field(description="take one when an operator asks for it on the camera's page of the monitor")
     ] = False
     rest_s: Annotated[float, Field(ge=0, description="least time between two pictures of a camera, in seconds")] = 2.0
     least_difference: Annotated[
@@ -100,9 +104,10 @@ class CollectSettings(BusSettings):
 
     @model_validator(mode="after")
     def _has_a_rule(self) -> Self:
-        if not (self.every_s or self.unsure or self.appears or self.disagree):
+        if not (self.every_s or self.unsure or self.appears or self.disagree or self.asked):
             raise ValueError(
-                "nothing says when to take a picture: give one of --every-s, --unsure, --appears and --disagree"
+                "nothing says when to take a picture:"
+                " give one of --every-s, --unsure, --appears, --disagree and --asked"
             )
         return self
 

@@ -17,11 +17,12 @@ import pytest_asyncio
 from PIL import Image
 from playwright.async_api import Browser, expect
 
-from bus import Bus, QoS
+from bus import Bus, QoS, Reply, Request
 from bus.fake import FakeNetwork
-from schemas import codec
+from schemas import codec, keys
 from schemas.detections import ClassCount, ClassList
 from schemas.keys import CameraKey, Stream
+from schemas.models import PictureRequest, SavedPicture
 from services.monitor.map.drawing import Bounds, ground_of
 from services.monitor.map.floor_plan import MOST_CELLS, FloorPlan, MapDescription, load_floor_plan
 from services.monitor.monitor import Monitor
@@ -127,6 +128,28 @@ async def test_what_another_model_counts_differently_is_told_while_it_does(site:
             await expect(told).to_be_visible()
         await expect(page.locator(".fs-row", has_text="box").locator(".fs-many")).to_have_text("2")
         await expect(told).to_be_hidden()
+
+
+async def test_a_picture_is_saved_for_training_when_an_operator_asks_for_it(site: Site, tmp_path: Path) -> None:
+    asked: list[PictureRequest] = []
+
+    async def save(request: Request) -> Reply:
+        asked.append(codec.decode(PictureRequest, request.payload, request.encoding))
+        saved = SavedPicture(file="train/images/r1-front_1.jpg", folder="/data/site", objects=2)
+        return Reply(codec.encode(saved), codec.encoding(SavedPicture))
+
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/cameras/r1/front")
+        button = page.get_by_role("button", name="Save for training")
+        await button.click()
+        await expect(page.get_by_text("Not saved: nobody collects pictures: run fleetsight collect")).to_be_visible()
+        async with site.bus.serve(keys.COLLECT, save):
+            await expect(button).to_be_enabled()
+            await button.click()
+            told = "Saved: train/images/r1-front_1.jpg in /data/site, with drafts of 2 labels"
+            await expect(page.get_by_text(told)).to_be_visible()
+    (only,) = asked
+    assert (only.robot, only.camera, bool(only.by)) == ("r1", "front", True)
 
 
 async def test_an_object_is_cut_out_and_shown_in_3d_while_somebody_looks_at_it(site: Site, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from nicegui import ui
 from schemas.detections import ClassList
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
+from schemas.models import SavedPicture
 from services.monitor.fleet import Age
 from services.monitor.inventory.sighting import Sighting
 from services.monitor.join_address import endpoint_to_join
@@ -19,6 +20,8 @@ from services.monitor.live_views.shared import CrowdedError
 from services.monitor.live_views.why_no_picture import Reason, facts_of, why_nothing
 from services.monitor.liveness import STALE_S
 from services.monitor.monitor import Monitor
+from services.monitor.requests import PictureError, save_picture
+from services.monitor.web.auth.users import Visitor
 from services.monitor.web.pages.components import FLEET, still
 from services.monitor.web.pages.frame import page_at, page_frame
 from services.monitor.web.pages.mjpeg import path_of
@@ -44,12 +47,12 @@ def add_camera(monitor: Monitor, views: LiveViews) -> None:
 
     @page_at(PATH)
     async def camera_page(robot: str, camera: str) -> None:
-        async with page_frame(monitor, f"{robot}/{camera}", FLEET):
+        async with page_frame(monitor, f"{robot}/{camera}", FLEET) as visitor:
             ui.add_css(VIEW_STYLE)
             key = camera_key(robot, camera)
             if key is None:
                 return
-            live = _Live(monitor, views, key)
+            live = _Live(monitor, views, key, visitor)
             visibility = PageVisibility()
         while await visibility.begins():
             try:
@@ -62,8 +65,8 @@ def add_camera(monitor: Monitor, views: LiveViews) -> None:
 class _Live:
     """The page's content for one camera. The picture's own connection requests the overlay."""
 
-    def __init__(self, monitor: Monitor, views: LiveViews, key: CameraKey) -> None:
-        self._monitor, self._views, self._key = monitor, views, key
+    def __init__(self, monitor: Monitor, views: LiveViews, key: CameraKey, visitor: Visitor) -> None:
+        self._monitor, self._views, self._key, self._visitor = monitor, views, key, visitor
         self._stream = StreamKey(key, Stream.OVERLAY_DETECTION)
         self._asked = 0
         self._since_s = time.monotonic()
@@ -97,8 +100,25 @@ class _Live:
             ui.toggle(KINDS, value=self._stream.stream.value, on_change=lambda event: self._choose(event.value)).props(
                 'dense unelevated no-caps toggle-text-color=on-accent role=group aria-label="Overlay"'
             ).classes("fs-toggle")
+            if self._visitor.may_act:
+                self._save = ui.button("Save for training", on_click=self._save_picture).props("dense flat no-caps")
             with ui.link(target=f"/objects/{self._key}").classes("fs-link"):
                 ui.label("In 3D")
+
+    async def _save_picture(self) -> None:
+        """Have the camera's next picture saved in a data set, with what a detector finds in it as a draft of labels."""
+        if not self._visitor.may_act:
+            ui.notify("Only operators may do that.", type="warning")
+            return
+        self._save.disable()
+        try:
+            saved = await save_picture(self._monitor.bus, self._key, self._visitor.name)
+        except PictureError as error:
+            ui.notify(f"Not saved: {error}", type="warning", multi_line=True)
+        else:
+            ui.notify(f"Saved: {saved.file} in {saved.folder}{drafted(saved)}", type="positive", multi_line=True)
+        finally:
+            self._save.enable()
 
     def _choose(self, stream: str) -> None:
         self._stream = StreamKey(self._key, Stream(stream))
@@ -203,6 +223,17 @@ class _Live:
         counted = otherwise(view.disagreements(since_ns)) if view is not None and available else ""
         self._otherwise.set_text(counted)
         self._otherwise.set_visibility(bool(counted))
+
+
+def drafted(saved: SavedPicture) -> str:
+    """Return in words what a saved picture has as a draft of its labels."""
+    match saved.objects:
+        case None:
+            return ""
+        case 1:
+            return ", with a draft of one label"
+        case count:
+            return f", with drafts of {count} labels"
 
 
 def counted_in(frame: ClassList | None) -> str:

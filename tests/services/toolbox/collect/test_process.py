@@ -1,7 +1,9 @@
 """The command beside a small fleet on a real bus."""
 
 import asyncio
+import contextlib
 import json
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +11,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from bus import QoS, Reply, Request
+from bus import Bus, QoS, Reply, Request
 from schemas import codec, worker_keys
 from schemas.detections import Box, ClassList, Detection, Detections, class_list
-from schemas.keys import Stream
+from schemas.keys import CameraKey, Stream
+from schemas.models import SavedPicture
 from schemas.worker_keys import WorkerAlive
+from services.monitor.requests import PictureError, save_picture
 from services.toolbox.collect.process import run
 from services.toolbox.collect.settings import CollectSettings
 from tests.fleetsight.stand_in import FOUND, FRONT, stand_in
@@ -112,6 +116,50 @@ async def test_what_is_to_be_blurred_is(tmp_path: Path) -> None:
     assert record["blurred"] == ["person"]
     (labels,) = (tmp_path / "train/labels").glob("*.txt")
     assert not labels.stat().st_size
+
+
+@contextlib.asynccontextmanager
+async def collecting(given: CollectSettings) -> AsyncIterator[None]:
+    """Run the command until the context ends."""
+    running = asyncio.create_task(run(given))
+    try:
+        yield
+    finally:
+        running.cancel()
+        await asyncio.wait([running])
+
+
+async def saved_when_asked(bus: Bus, camera: CameraKey = FRONT) -> SavedPicture | str:
+    """Ask as the monitor does, until somebody collects; return what was saved, or why nothing was."""
+    while True:
+        try:
+            return await save_picture(bus, camera, "ann")
+        except PictureError as error:
+            if not any(each in str(error) for each in ("nobody collects", "not online")) or camera != FRONT:
+                return str(error)
+
+
+async def test_pictures_that_somebody_asks_for_are_saved_however_alike(tmp_path: Path) -> None:
+    given = {"asked": True, "least_difference": 64}
+    async with stand_in() as fleet, asyncio.timeout(60), collecting(settings(fleet.endpoint, tmp_path, **given)):
+        found = [await saved_when_asked(fleet.bus) for _ in range(2)]
+        await until(lambda: not fleet.wanted(Stream.COLOR))
+    assert [each["why"] for each in records(tmp_path)] == ["asked for by ann"] * 2
+    files = [each["file"] for each in records(tmp_path)]
+    assert found == [SavedPicture(file=file, folder=str(tmp_path), objects=len(FOUND.objects)) for file in files]
+    assert all((tmp_path / file).exists() for file in files)
+
+
+async def test_who_asks_is_told_why_nothing_was_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.toolbox.collect.process.ANSWER_S", 0.5)
+    async with stand_in(worker=False) as fleet, asyncio.timeout(60):
+        with pytest.raises(PictureError, match="nobody collects pictures: run fleetsight collect FOLDER --asked"):
+            await save_picture(fleet.bus, FRONT, "ann")
+        async with collecting(settings(fleet.endpoint, tmp_path, asked=True)):
+            assert "r1/front: not saved: " in str(await saved_when_asked(fleet.bus))
+            unknown = await saved_when_asked(fleet.bus, CameraKey("r1", "rear"))
+            assert "r1/rear is not online, or not among the cameras that are collected from" in str(unknown)
+    assert not (tmp_path / "train").exists()
 
 
 async def test_no_camera_no_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
