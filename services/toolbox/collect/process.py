@@ -156,14 +156,15 @@ class Collecting:
         if key not in self._cameras:
             raise RefusedError(f"{key} is not online, or not among the cameras that are collected from")
         try:
-            file, found = await self._take(bus, key, f"asked for by {asked.by or 'somebody'}", least_difference=0)
+            by = printable(asked.by) or "somebody"
+            file, found = await self._take(bus, key, f"asked for by {by}", least_difference=0)
         except _NotSavedError as error:
             raise RefusedError(str(error)) from error
         folder = self._dataset.folder
         saved = SavedPicture(
             file=printable(str(file.relative_to(folder)))[:MAX_LABEL],
             folder=printable(str(folder.resolve()))[:MAX_LABEL],
-            objects=None if found is None else len(found.objects),
+            objects=None if found is None else sum(each.name not in self._settings.blur for each in found.objects),
         )
         return Reply(codec.encode(saved), codec.encoding(SavedPicture))
 

@@ -19,7 +19,7 @@ def test_a_gateway_that_is_killed_costs_no_class_list() -> None:
     found = json.loads(done.stdout)
     (fault,) = found["faults"]
     assert fault["recovered_s"] is not None, done.stderr
-    assert (fault["lost_lists"], fault["doubled"]) == (0, 0), fault
+    assert (fault["lost_lists"], fault["lost_alerts"], fault["doubled"]) == (0, 0, 0), fault
     assert fault["lists"] > 0
     assert (found["number"], found["left_out"]) == (1, {})
 
@@ -36,7 +36,17 @@ def test_a_fault_that_there_is_not_is_named_with_those_that_there_are() -> None:
 
 
 def test_a_fleet_that_is_not_well_again_meets_no_target() -> None:
-    well = {"name": THIN, "recovered_s": 1.0, "lost": 0, "doubled": 0, "stuck_alerts": 0, "age_p99_ms": 200.0}
+    well = {
+        "name": THIN,
+        "recovered_s": 1.0,
+        "lost": 0,
+        "doubled": 0,
+        "stuck_alerts": 0,
+        "age_p99_ms": 200.0,
+        "frames": {"unattributed": -1},
+        "files_growth": 1,
+        "rss_growth_mb": 20.0,
+    }
     ill = {"name": "fire", "recovered_s": None, "lost": None, "doubled": None}
     assert all(target["met"] for name, target in targets([well]).items() if name != "number")
     met = {name: target["met"] for name, target in targets([well, ill]).items()}
@@ -47,4 +57,10 @@ def test_a_fleet_that_is_not_well_again_meets_no_target() -> None:
         "doubled": False,
         "stuck_alerts": False,
         "age_p99_ms": True,
+        "unattributed": True,
+        "files_growth": True,
+        "rss_growth_mb": True,
     }
+    leaking = {**well, "files_growth": 3, "rss_growth_mb": 51.0, "frames": {"unattributed": 3}}
+    missed = {name for name, target in targets([well, leaking]).items() if not target["met"]}
+    assert missed == {"number", "unattributed", "files_growth", "rss_growth_mb"}
