@@ -5,17 +5,19 @@ session's first router is an empty one in the same process, which ends at once.
 """
 
 import json
+import logging
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import zenoh
 
-from bus.session.declaration import close_session
-from bus.session.probe import why_not_taken
+from bus.delivery.writing import MessageWriter
+from bus.session.declaration import Declaration, close_session
+from bus.session.probe import subscribe_briefly, why_not_taken
 from bus.settings import BusSettings
 
 MEMORY: Final = "/dev/shm"  # noqa: S108 - the folder in it has a random name and is its user's alone
@@ -54,6 +56,8 @@ def _empty_router() -> Iterator[str]:
             close_session(router)
 
 
+_log: Final = logging.getLogger(__name__)
+
 CHECKED_S: Final = 15.0
 """Interval at which a client without a link looks whether a router takes one."""
 
@@ -61,15 +65,25 @@ TAKEN: Final = 2
 """Links taken in a row after which Zenoh has given up: in between it tries about once a second."""
 
 
+SETTLED_S: Final = 1.5
+"""How much longer than the lease it takes until routers have taken back what a lost one had told them."""
+
+
 class LostLink:
     """Notices that Zenoh (1.10) has given up on a lost link, as it does on one that is closed as it comes up.
 
-    due_s: when to look again, by `time.monotonic`; None while there is a link, or none that Zenoh is to replace.
+    And mends what it does after a move to another router: that one may go on saying that somebody subscribes to what
+    the lost router subscribed to on behalf of others, for as long as the link lives, and large frames are sent to it.
+
+    due_s: when to look again, by `time.monotonic`; None while there is a link that is settled, or none that Zenoh is to
+    replace.
     """
 
     def __init__(self, settings: BusSettings) -> None:
         self._settings = settings
         self._taken = 0
+        self._router = ""
+        self._moved = False
         self.due_s: float | None = None
 
     def begin(self) -> None:
@@ -77,8 +91,23 @@ class LostLink:
         self._taken = 0
         self.due_s = time.monotonic() + CHECKED_S if self._settings.is_listening_client else None
 
+    def made(self, router: str) -> None:
+        """Note that there is a link. router: the endpoint at its other end."""
+        self._moved |= self._settings.is_listening_client and self._router not in ("", router)
+        self._router = router
+        self.due_s = time.monotonic() + self._settings.lease_s + SETTLED_S if self._moved else None
+
+    def settle(self, declared: Iterable[Declaration]) -> None:
+        """Have the router look again at who wants what is published, if there was a move. Blocks, see `probe`."""
+        if self._moved:
+            keys = [each.number_of for each in declared if isinstance(each, MessageWriter) and each.wanted]
+            if keys and not subscribe_briefly(self._settings, keys):
+                _log.warning("it may be that streams are sent to %s that nobody wants: no router answers", self._router)
+        self.end()
+
     def end(self) -> None:
-        """Note that there is a link, or no session."""
+        """Note that there is no session, or nothing more to do about its link."""
+        self._moved = False
         self.due_s = None
 
     def is_given_up(self) -> bool:

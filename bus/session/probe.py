@@ -1,6 +1,8 @@
-"""Tests whether a process's own listener still takes new links, by opening a session over it."""
+"""Sessions for a moment: whether a listener takes links, and to have a router look again at who subscribes."""
 
 import json
+import time
+from collections.abc import Collection
 from typing import Any, Final
 
 import zenoh
@@ -14,6 +16,9 @@ from bus.settings import BusSettings, port_of
 
 LOOPBACK: Final = {False: "127.0.0.1", True: "[::1]"}
 """Address of this machine in place of all its addresses: IPv4, IPv6."""
+
+BRIEFLY_S: Final = 0.2
+"""By then a router has told the others of a subscription."""
 
 
 def own_listeners(settings: BusSettings) -> list[str]:
@@ -39,6 +44,30 @@ def why_not_taken(settings: BusSettings, endpoint: str, *, own: bool = True) -> 
     except (zenoh.ZError, BusError) as error:
         return reason_of(error)
     return "" if linked else "the link was closed at once"
+
+
+def subscribe_briefly(settings: BusSettings, keys: Collection[str]) -> bool:
+    """Subscribe to keys for a moment, over a session with one of the settings' routers; return whether one was there.
+
+    A router then looks again at who subscribes to each of them. Blocks for up to two seconds for each endpoint.
+    """
+    for endpoint in settings.connect:
+        try:
+            with panics_are_errors():
+                session = zenoh.open(zenoh.Config.from_json5(json.dumps(_config(settings, endpoint, own=False))))
+                subscribers = [session.declare_subscriber(key, _leave) for key in keys]
+                time.sleep(BRIEFLY_S)
+                for subscriber in subscribers:
+                    subscriber.undeclare()
+                close_session(session)
+        except (zenoh.ZError, BusError):
+            continue
+        return True
+    return False
+
+
+def _leave(_: zenoh.Sample) -> None:
+    """Take nothing."""
 
 
 def _config(settings: BusSettings, endpoint: str, *, own: bool) -> dict[str, Any]:

@@ -156,7 +156,7 @@ class SessionThread:
 
     def _make_link_anew(self) -> None:
         if self._session is None or self._links:
-            self._lost_link.end()
+            self._lost_link.settle(self._kept)
         elif self._lost_link.is_given_up() and not self._links:
             _log.info("opening a new session: %s takes links, and this one has none", self._where)
             self._end(self._session)
@@ -295,7 +295,7 @@ class SessionThread:
     def _link_up(self, turn: int, own: str, other: str, name: str) -> None:
         self._tuning.add(own)
         if turn == self._turn and self._links.add(own, other, name):
-            self._lost_link.end()
+            self._lost_link.made(other)
 
     def _link_down(self, turn: int, own: str, other: str) -> None:
         ends = self._settings.has_one_link

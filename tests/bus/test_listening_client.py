@@ -9,7 +9,7 @@ from typing import Final
 
 import pytest
 
-from bus import QUEUE, Bus, BusError, BusSettings, Presence, QoS, Subscription, open_bus
+from bus import LATEST, QUEUE, Bus, BusError, BusSettings, Presence, QoS, Subscription, open_bus
 from bus.session import config, listening_client
 from tests.bus.sessions import LEASE_S, ROUTER, Numbering, answer, bus_threads, client, router, running
 from tests.contract.conftest import free_endpoint
@@ -67,6 +67,31 @@ async def test_the_first_router_that_answers_is_used_and_another_one_after_it() 
                 await until(lambda: not robot.link_problem)
                 assert (await centre.request("question", b"ping", timeout_s=9)).payload == b"ping"
             await until(lambda: bool(robot.link_problem))
+
+
+@pytest.mark.parametrize("_", range(3))
+async def test_after_a_move_to_another_router_nothing_is_wanted_that_nobody_wants(_: int) -> None:
+    first, second, third, own = (free_endpoint() for _ in range(4))
+    async with open_bus(router(second)), AsyncExitStack() as at_first, AsyncExitStack() as at_third:
+        await at_first.enter_async_context(open_bus(router(first)))
+        await at_third.enter_async_context(open_bus(router(third).model_copy(update={"connect": [second]})))
+        async with (
+            open_bus(BusSettings(connect=[first, second], listen=[own], lease_s=LEASE_S)) as robot,
+            robot.publisher(KEY, QoS.IMAGE) as published,
+            open_bus(client(third)) as elsewhere,
+            elsewhere.subscribe(KEY, LATEST, history=False) as seen,
+            open_bus(client(own)) as beside,
+        ):
+            async with beside.subscribe(KEY, LATEST, history=False):
+                await until(lambda: published.wanted)
+                await at_first.aclose()
+                hearing = asyncio.create_task(next_of(seen))
+                while not hearing.done():  # by then it has moved, and the router there told it of who is elsewhere
+                    published.put(b"x")
+                    await asyncio.sleep(0.02)
+                await at_third.aclose()
+                await asyncio.sleep(LEASE_S / 2)
+            await until(lambda: not published.wanted)
 
 
 @asynccontextmanager

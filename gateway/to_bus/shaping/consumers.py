@@ -114,12 +114,13 @@ BUDGETS_WAITING: Final = QUEUE(1_000, 8 << 20)
 log = logging.getLogger(__name__)
 
 
-HERE_AGAIN_S: Final = 3.0
+HERE_AGAIN_S: Final = 8.0
 """Time for which a stream whose last announced consumer has gone counts as this machine's, if that was on it.
 
 When the link to the fleet is lost and made again, the services beside the gateway stop wanting its streams, and soon
 want them again. A frame may then come before their tokens do; as one for elsewhere, a point cloud would take a thin
-uplink's budget of ten seconds. Streams that are not wanted stay subscribed on ROS for less than that.
+uplink's budget of ten seconds. Streams that are not wanted stay subscribed on ROS for less than that, and a router that
+the gateway moved to may say for as long as `bus.session.listening_client.SETTLED_S` takes that they are wanted.
 """
 
 
