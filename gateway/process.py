@@ -135,7 +135,7 @@ async def run(settings: GatewaySettings) -> int:
 
 async def _run(settings: GatewaySettings) -> int:
     boot_id, machine = uuid.uuid4().hex, clock_id()
-    shaping = Shaping(settings, Consumers(settings.robot, machine, near=stays_near(settings)))
+    shaping = Shaping(settings, Consumers(settings.robot, machine, near=stays_near(settings), lease_s=settings.lease_s))
     clock = SimClock()
     log.info("robot %s: ROS master %s", settings.robot, settings.ros_master)
     async with (

@@ -6,7 +6,7 @@ import logging
 import os
 import socket
 import threading
-from collections.abc import MutableMapping
+from collections.abc import Callable, MutableMapping
 from pathlib import Path
 from typing import Final
 
@@ -19,8 +19,10 @@ HEARTBEAT_S: Final = 5.0
 STARTING: Final = "starting\n"
 SERVING: Final = "serving\n"
 
-serving: Final = threading.Event()
-"""Set once this process does its work: a worker has its model and shares cameras with others."""
+LOOK_S: Final = 0.5
+"""Interval at which a process without a link looks for one."""
+
+_serving: Final = threading.Event()
 
 log = logging.getLogger(__name__)
 
@@ -61,10 +63,20 @@ async def touch_heartbeat(environment: MutableMapping[str, str] = os.environ) ->
     """
     path, said = environment.pop(HEARTBEAT, ""), ""
     while path:
-        says = SERVING if serving.is_set() else STARTING
+        says = SERVING if _serving.is_set() else STARTING
         _touch(Path(path), "" if says == said else says)
         said = says
         await asyncio.sleep(HEARTBEAT_S)
+
+
+async def say_serving(link_problem: Callable[[], str]) -> None:
+    """Note that this process does its work, once it has a link: a worker has its model and shares cameras with others.
+
+    link_problem: returns why there is none, or nothing.
+    """
+    while link_problem():  # noqa: ASYNC110 - nobody tells
+        await asyncio.sleep(LOOK_S)
+    _serving.set()
 
 
 def _touch(file: Path, text: str) -> None:

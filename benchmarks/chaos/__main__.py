@@ -76,7 +76,7 @@ def main() -> None:
     parser = parser_of(MODULE, __doc__)
     known = ", ".join(fault.name for fault in named(())).replace("%", "%%")
     parser.add_argument("--faults", type=_faults, default=named(()), help=f"which, by commas: {known} (default: all)")
-    parser.add_argument("--strict", action="store_true", help="exit with 1 if a target is missed")
+    parser.add_argument("--strict", action="store_true", help="exit with 1 if a target is missed or a fault left out")
     parser.add_argument("--minutes", type=float, default=0.0, help="repeat them for so long (default: once)")
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended by a signal"))
@@ -84,8 +84,9 @@ def main() -> None:
         enter_namespace(MODULE, sys.argv[1:])
     measured = asyncio.run(measure(arguments))
     show(measured, as_json=arguments.json)
-    if arguments.strict and not all(target["met"] for target in measured["targets"].values()):
-        sys.exit(1)
+    missed = [name for name, target in measured["targets"].items() if not target["met"]]
+    if arguments.strict and (missed or measured["left_out"]):
+        sys.exit(f"missed: {', '.join(missed) or 'nothing'}; left out: {', '.join(measured['left_out']) or 'nothing'}")
 
 
 def _faults(text: str) -> list[Fault]:

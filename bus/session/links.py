@@ -60,7 +60,7 @@ class Links:
         if self._settings.mode == "client" and self._there:
             return []
         others = [other for _, other in self._there]
-        return [endpoint for endpoint in self._settings.connect if not any(_fits(endpoint, other) for other in others)]
+        return [endpoint for endpoint in self._settings.connect if not any(fits(endpoint, other) for other in others)]
 
     def _is_sought(self, other: str) -> bool:
         """Whether a link leads to a configured endpoint and is not an incoming one, as far as ports tell.
@@ -105,7 +105,8 @@ def is_loopback(endpoint: str) -> bool:
     return not is_name(host) and ip_address(host).is_loopback
 
 
-def _fits(endpoint: str, other: str) -> bool:
+def fits(endpoint: str, other: str) -> bool:
+    """Return whether a link's other end may be an endpoint; names are taken to fit each other."""
     if port_of(endpoint) != port_of(other):
         return False
     asked, linked = host_of(endpoint), host_of(other)

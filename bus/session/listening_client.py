@@ -7,9 +7,12 @@ session's first router is an empty one in the same process, which ends at once.
 import json
 import logging
 import os
+import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
+from random import uniform
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
@@ -17,6 +20,7 @@ import zenoh
 
 from bus.delivery.writing import MessageWriter
 from bus.session.declaration import Declaration, close_session
+from bus.session.links import fits
 from bus.session.probe import subscribe_briefly, why_not_taken
 from bus.settings import BusSettings
 
@@ -95,14 +99,15 @@ class LostLink:
         """Note that there is a link. router: the endpoint at its other end."""
         self._moved |= self._settings.is_listening_client and self._router not in ("", router)
         self._router = router
-        self.due_s = time.monotonic() + self._settings.lease_s + SETTLED_S if self._moved else None
+        settled_s = self._settings.lease_s + uniform(SETTLED_S, 2 * SETTLED_S)  # noqa: S311 - no secret; not all at once
+        self.due_s = time.monotonic() + settled_s if self._moved else None
 
     def settle(self, declared: Iterable[Declaration]) -> None:
-        """Have the router look again at who wants what is published, if there was a move. Blocks, see `probe`."""
-        if self._moved:
-            keys = [each.number_of for each in declared if isinstance(each, MessageWriter) and each.wanted]
-            if keys and not subscribe_briefly(self._settings, keys):
-                _log.warning("it may be that streams are sent to %s that nobody wants: no router answers", self._router)
+        """Have the router look again at who wants what is published, if there was a move; returns at once."""
+        keys = [each.number_of for each in declared if isinstance(each, MessageWriter) and each.wanted]
+        if self._moved and keys:
+            work = partial(_look_again, self._settings, self._router, keys)
+            threading.Thread(target=work, name="session-settling", daemon=True).start()
         self.end()
 
     def end(self) -> None:
@@ -116,3 +121,14 @@ class LostLink:
         self._taken = self._taken + 1 if taken else 0
         self.due_s = time.monotonic() + CHECKED_S
         return self._taken >= TAKEN
+
+
+def _look_again(settings: BusSettings, router: str, keys: Collection[str]) -> None:
+    """Have the routers that may be at the other end of the link look again at who subscribes to keys."""
+    try:
+        answered = [subscribe_briefly(settings, each, keys) for each in settings.connect if fits(each, router)]
+    except Exception:  # noqa: BLE001 - the link itself is well
+        _log.exception("the router at %s was not asked again who wants what", router)
+        return
+    if not any(answered):
+        _log.warning("streams that nobody wants may be sent to %s: it takes no second link", router)

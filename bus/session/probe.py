@@ -1,7 +1,6 @@
 """Sessions for a moment: whether a listener takes links, and to have a router look again at who subscribes."""
 
 import json
-import time
 from collections.abc import Collection
 from typing import Any, Final
 
@@ -16,9 +15,6 @@ from bus.settings import BusSettings, port_of
 
 LOOPBACK: Final = {False: "127.0.0.1", True: "[::1]"}
 """Address of this machine in place of all its addresses: IPv4, IPv6."""
-
-BRIEFLY_S: Final = 0.2
-"""By then a router has told the others of a subscription."""
 
 
 def own_listeners(settings: BusSettings) -> list[str]:
@@ -46,24 +42,22 @@ def why_not_taken(settings: BusSettings, endpoint: str, *, own: bool = True) -> 
     return "" if linked else "the link was closed at once"
 
 
-def subscribe_briefly(settings: BusSettings, keys: Collection[str]) -> bool:
-    """Subscribe to keys for a moment, over a session with one of the settings' routers; return whether one was there.
+def subscribe_briefly(settings: BusSettings, endpoint: str, keys: Collection[str]) -> bool:
+    """Subscribe to keys at a router and take it back at once; return whether it answered. Blocks for up to two seconds.
 
-    A router then looks again at who subscribes to each of them. Blocks for up to two seconds for each endpoint.
+    The router then looks again at who else subscribes to each of them.
     """
-    for endpoint in settings.connect:
-        try:
-            with panics_are_errors():
-                session = zenoh.open(zenoh.Config.from_json5(json.dumps(_config(settings, endpoint, own=False))))
-                subscribers = [session.declare_subscriber(key, _leave) for key in keys]
-                time.sleep(BRIEFLY_S)
-                for subscriber in subscribers:
-                    subscriber.undeclare()
+    try:
+        with panics_are_errors():
+            session = zenoh.open(zenoh.Config.from_json5(json.dumps(_config(settings, endpoint, own=False))))
+            try:
+                for key in keys:  # each for a moment: what is published under it goes to this session meanwhile
+                    session.declare_subscriber(key, _leave).undeclare()
+                return bool(session.info.links())
+            finally:
                 close_session(session)
-        except (zenoh.ZError, BusError):
-            continue
-        return True
-    return False
+    except (zenoh.ZError, BusError):
+        return False
 
 
 def _leave(_: zenoh.Sample) -> None:

@@ -59,6 +59,9 @@ async def run_pki(settings: PkiSettings) -> None:
 
 def _init(authority: Authority, settings: PkiSettings) -> Iterator[str]:
     fleet = None if settings.fleet is None else _read_fleet(settings.fleet)
+    if fleet is not None and not authority.folder.exists():
+        for name in (*fleet.robot_names(), *fleet.roles):
+            authority.check_free(name)
     made = authority.make()
     yield f"{made}: the fleet's authority; its key stays in {authority.folder}"
     if fleet is not None and settings.fleet is not None:

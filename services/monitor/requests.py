@@ -8,7 +8,7 @@ from contextlib import AbstractAsyncContextManager
 from itertools import islice
 from typing import Final
 
-from bus import Bus, NotServedError, RefusedError, Reply, Request, RequestError
+from bus import Bus, BusError, NotServedError, RefusedError, Reply, Request, RequestError
 from schemas import codec, keys
 from schemas.errors import SchemaError
 from schemas.header import MAX_LABEL
@@ -96,7 +96,7 @@ async def save_picture(bus: Bus, camera: CameraKey, by: str) -> SavedPicture:
         return codec.decode(SavedPicture, reply.payload, reply.encoding)
     except NotServedError as error:
         raise PictureError("nobody collects pictures: run fleetsight collect FOLDER --asked") from error
-    except (RequestError, SchemaError) as error:
+    except (BusError, SchemaError) as error:
         raise PictureError(str(error)) from error
 
 

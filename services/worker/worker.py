@@ -63,7 +63,7 @@ class Worker(Generic[T]):
                 group.create_task(coroutine)
             key = worker_status(self._service, self._name)
             group.create_task(report(self._bus, key, WorkerStatus, self._status))
-            service_manager.serving.set()
+            group.create_task(service_manager.say_serving(lambda: self._bus.link_problem))
             await self._sharing.run()
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:

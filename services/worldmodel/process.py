@@ -59,7 +59,7 @@ class WorldWorker:
             async with self._bus.announce(str(self._token)):
                 status = worker_keys.worker_status(SERVICE, self._settings.worker)
                 group.create_task(report(self._bus, status, WorkerStatus, self._status))
-                service_manager.serving.set()
+                group.create_task(service_manager.say_serving(lambda: self._bus.link_problem))
                 await asyncio.sleep(SETTLE_S)
                 await self._take_sites(group)
 

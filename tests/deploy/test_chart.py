@@ -217,6 +217,11 @@ def test_a_number_of_workers_is_set_by_the_chart_or_by_the_scaler(rendered: dict
         assert scaled["scaleTargetRef"] == {"name": f"{NAME}-{name}"}
 
 
+def test_values_that_were_kept_from_before_these_workers_were_scaled_do() -> None:
+    kept: Values = {name: {"autoscaling": None} for name in ("distance", "cloud")}
+    assert not [each for each in render(kept) if each["kind"] == "ScaledObject"]
+
+
 def test_every_selector_finds_pods(rendered: dict[str, list[dict[str, Any]]]) -> None:
     for objects in rendered.values():
         templates = [each["spec"]["template"] for each in objects if each["kind"] in {"Deployment", "StatefulSet"}]

@@ -33,8 +33,10 @@ BEATING = """
     async def main():
         await asyncio.sleep(0.1)
         print(flush=True)
+        problems = ["no link"]
+        asyncio.create_task(service_manager.say_serving(lambda: "".join(problems)))
         await asyncio.to_thread(sys.stdin.readline)
-        service_manager.serving.set()
+        problems.clear()
         await asyncio.sleep(60)
 
     service_manager.HEARTBEAT_S = 0.05
@@ -113,7 +115,7 @@ def test_a_watchdog_of_another_process_hears_nothing(manager: Manager) -> None:
 
 @contextlib.contextmanager
 def beating(heartbeat: Path) -> Iterator[subprocess.Popen[str]]:
-    """Run a process with a heartbeat; it serves once it has read a line."""
+    """Run a process with a heartbeat; it has a link once it has read a line."""
     environment = {**os.environ, "FLEETSIGHT_HEARTBEAT_FILE": str(heartbeat)}
     command = [sys.executable, "-c", textwrap.dedent(BEATING)]
     with subprocess.Popen(command, stdin=PIPE, stdout=PIPE, text=True, env=environment) as child:
@@ -133,9 +135,10 @@ def test_a_file_is_touched_again_and_again_while_the_event_loop_turns(tmp_path: 
             time.sleep(0.01)
 
 
-def test_the_file_says_when_the_process_has_begun_to_serve(tmp_path: Path) -> None:
+def test_the_file_says_when_the_process_has_begun_to_serve_over_a_link(tmp_path: Path) -> None:
     heartbeat = tmp_path / "heartbeat"
     with beating(heartbeat) as child:
+        time.sleep(1)
         assert heartbeat.read_text(encoding="ascii") == "starting\n"
         assert child.stdin is not None
         child.stdin.write("\n")

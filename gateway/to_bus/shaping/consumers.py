@@ -114,8 +114,9 @@ BUDGETS_WAITING: Final = QUEUE(1_000, 8 << 20)
 log = logging.getLogger(__name__)
 
 
-HERE_AGAIN_S: Final = 8.0
-"""Time for which a stream whose last announced consumer has gone counts as this machine's, if that was on it.
+HERE_AGAIN_S: Final = 6.0
+"""Time, beside the link's lease, for which a stream whose last announced consumer has gone counts as this machine's, if
+that was on it.
 
 When the link to the fleet is lost and made again, the services beside the gateway stop wanting its streams, and soon
 want them again. A frame may then come before their tokens do; as one for elsewhere, a point cloud would take a thin
@@ -127,16 +128,23 @@ the gateway moved to may say for as long as `bus.session.listening_client.SETTLE
 class Consumers:
     """Consumers of the robot's streams, from their tokens and budgets.
 
-    clock_id: this machine's. near: whether what this process sends to one on the same machine stays on it.
-    steady_s: returns the seconds of a clock that is never set.
+    clock_id: this machine's. near: whether what this process sends to one on the same machine stays on it. lease_s: the
+    link's. steady_s: returns the seconds of a clock that is never set.
     """
 
     def __init__(
-        self, robot: str, clock_id: str, *, near: bool, steady_s: Callable[[], float] = time.monotonic
+        self,
+        robot: str,
+        clock_id: str,
+        *,
+        near: bool,
+        lease_s: float = BusSettings().lease_s,
+        steady_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._robot = robot
         self._clock_id = clock_id
         self._near = near
+        self._here_again_s = lease_s + HERE_AGAIN_S
         self._steady_s = steady_s
         self._here_until_s: dict[SensorKey, float] = {}
         self._elsewhere_until_s: dict[SensorKey, float] = {}
@@ -187,7 +195,7 @@ class Consumers:
         now_s = self._steady_s()
         for each in [each for each, end_s in until_s.items() if end_s <= now_s]:
             del until_s[each]
-        until_s[key] = now_s + HERE_AGAIN_S
+        until_s[key] = now_s + self._here_again_s
 
     def note_budget(self, sample: Sample) -> None:
         """Note the rate that a consumer can use."""

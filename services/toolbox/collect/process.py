@@ -5,6 +5,7 @@ import logging
 import sys
 from asyncio import Event, Lock, Task, TaskGroup
 from collections import Counter
+from collections.abc import Callable
 from contextlib import AsyncExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -34,6 +35,9 @@ IMAGE_S: Final = 10.0
 
 ANSWER_S: Final = 10.0
 """Seconds to wait for a detector worker's answer."""
+
+AT_ONCE: Final = 4
+"""Pictures that somebody asked for and that are taken at the same time: one that does not come delays no others."""
 
 log = logging.getLogger(__name__)
 
@@ -97,7 +101,7 @@ class Collecting:
             if self._settings.disagree:
                 running.append(group.create_task(self._follow(bus, f"{where}/{Stream.OPINION}")))
             if self._settings.asked:
-                await stack.enter_async_context(bus.serve(keys.COLLECT, partial(self._answer, bus)))
+                await stack.enter_async_context(bus.serve(keys.COLLECT, partial(self._answer, bus), at_once=AT_ONCE))
             try:
                 async with asyncio.timeout(self._settings.seconds):
                     await self._full.wait()
@@ -204,13 +208,16 @@ class Collecting:
                 if self._full.is_set():
                     raise _NotSavedError("the folder has as many pictures as it is to have (--most, --most-mb)")
                 save = partial(self._dataset.save, picture, why, drafts, self._settings.split, hidden)
-                file = await to_the_end(asyncio.to_thread(save))
+                return await to_the_end(self._write(save, why)), drafts
         except OSError as error:
             raise self._lost(key, "not written", f"{error.filename}: {error.strerror}") from error
+
+    async def _write(self, save: Callable[[], Path], why: str) -> Path:
+        file = await asyncio.to_thread(save)
         self.counts[SAVED] += 1
         log.info("%s: %s", file, why)
         self._note_size()
-        return file, drafts
+        return file
 
     def _lost(self, key: CameraKey, reason: str, error: str) -> "_NotSavedError":
         self.counts[reason] += 1

@@ -177,10 +177,11 @@ async def test_a_fleet_file_gets_what_its_names_lack(tmp_path: Path, capsys: pyt
     assert {subject["id"] for subject in rules["subjects"]} == {"r1", "lift", "central", "gpu1"}
     await pki(folder, {"task": "issue", "fleet": fleet})
     assert "new" not in capsys.readouterr().out
-    fleet.write_text("{robots: [r1], roles: {r1: monitor}}")
-    with pytest.raises(AccessError, match=r"fleet.yaml, line 1"):
-        await pki(tmp_path / "other", {"task": "init", "fleet": fleet})
-    assert not (tmp_path / "other").exists()
+    for wrong, why in (("{robots: [r1], roles: {r1: monitor}}", "fleet.yaml, line 1"), ("robots: [ca]", "own name")):
+        fleet.write_text(wrong)
+        with pytest.raises(AccessError, match=why):
+            await pki(tmp_path / "other", {"task": "init", "fleet": fleet})
+        assert not (tmp_path / "other").exists()
 
 
 async def test_rules_of_thousands_of_robots_fit_where_a_mebibyte_does(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ spec:
       {{- else }}
       readinessProbe:
         exec:
-          command: [grep, -q, serving, /tmp/heartbeat]
+          command: [sh, -c, "test -e /tmp/heartbeat && ! grep -q starting /tmp/heartbeat"]  # images of 0.2.0 say nothing
         periodSeconds: 5
       livenessProbe:
         exec:

@@ -44,7 +44,7 @@ def test_those_who_left_do_not_count() -> None:
 
 def test_those_here_who_left_a_moment_ago_and_may_come_back_count_as_here() -> None:
     now_s = 100.0
-    consumers = Consumers("r1", "here", near=True, steady_s=lambda: now_s)
+    consumers = Consumers("r1", "here", near=True, lease_s=0, steady_s=lambda: now_s)
     for alive in (True, False):
         consumers.note(Presence(str(Wanted(COLOR, "here", "a")), alive))
     assert consumers.all_here(COLOR)
@@ -68,7 +68,7 @@ def test_a_stream_that_was_wanted_elsewhere_too_does_not_count_as_here(last: str
 
 def test_what_is_remembered_of_those_who_left_is_bounded() -> None:
     now_s = 100.0
-    consumers = Consumers("r1", "here", near=True, steady_s=lambda: now_s)
+    consumers = Consumers("r1", "here", near=True, lease_s=0, steady_s=lambda: now_s)
     for number in range(9):
         key = StreamKey(CameraKey("r1", f"c{number}"), Stream.COLOR)
         for alive in (True, False):
