@@ -6,10 +6,14 @@ roles:
   gpu1: detector
   wall: observer
 denied: [r17]
+warehouses:
+  berlin: {robots: [b1..b40], roles: {gpu-b: detector}}
+
+Names in a warehouse have rights at its routers alone, all others everywhere.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Final, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
@@ -75,8 +79,8 @@ def _listed(value: Any) -> Any:
 Names = Annotated[str, AfterValidator(_expands)]
 
 
-class FleetFile(BaseModel):
-    """Who belongs to the fleet. Names are those of certificates, and for robots also `--robot`'s."""
+class Members(BaseModel):
+    """Names are those of certificates, and for robots also `--robot`'s."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -84,11 +88,39 @@ class FleetFile(BaseModel):
     roles: dict[
         Annotated[str, AfterValidator(_checked)], Annotated[list[Role], BeforeValidator(_listed), Field(min_length=1)]
     ] = {}
+
+
+class FleetFile(Members):
+    """Who belongs to the fleet: those of each warehouse, and those of all."""
+
     denied: list[Names] = Field(default=[], max_length=MAX_NAMES)
+    warehouses: dict[Annotated[str, AfterValidator(_checked)], Members] = {}
+
+    def _members(self) -> Sequence[Members]:
+        return self, *self.warehouses.values()
 
     def robot_names(self) -> list[str]:
         """Return the names of the robots."""
-        return [name for text in self.robots for name in expand(text)]
+        return [name for members in self._members() for text in members.robots for name in expand(text)]
+
+    def names(self) -> list[str]:
+        """Return all names, of robots first."""
+        return [*self.robot_names(), *(name for members in self._members() for name in members.roles)]
+
+    def at(self, warehouse: str) -> "FleetFile":
+        """Return who belongs to a warehouse, as a file of its own.
+
+        Raises:
+            ValueError: the file has no such warehouse, or has warehouses and none was named.
+        """
+        if not warehouse and not self.warehouses:
+            return self
+        there = self.warehouses.get(warehouse)
+        if there is None:
+            raise ValueError(f"no warehouse {warehouse!r} in it; there are {', '.join(self.warehouses) or 'none'}")
+        robots, roles = [*self.robots, *there.robots], {**self.roles, **there.roles}
+        names = {*(name for text in robots for name in expand(text)), *roles}
+        return FleetFile(robots=robots, roles=roles, denied=sorted(self.denied_names() & names))
 
     def denied_names(self) -> frozenset[str]:
         """Return the names that may do nothing any more."""
@@ -100,7 +132,7 @@ class FleetFile(BaseModel):
         if len(robots) > MAX_NAMES:
             raise ValueError(f"robots: {len(robots)} names, of at most {MAX_NAMES}")
         once: set[str] = set()
-        for name in [*robots, *self.roles]:
+        for name in self.names():
             if name in once:
                 raise ValueError(
                     f"{name} is there twice: a certificate is for one robot, or for the roles beside its name"

@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 DAY: Final = timedelta(days=1)
 HOUR: Final = timedelta(hours=1)
 MAX_TOKEN: Final = 512
-ACCESS: Final = "access.json"
+ACCESS: Final = "access{}.json"
 MOST_TOLD: Final = 5
 SOON: Final = 14
 """Days before its end at which a certificate is marked; one that its machine renews, once that is overdue."""
@@ -60,7 +60,7 @@ async def run_pki(settings: PkiSettings) -> None:
 def _init(authority: Authority, settings: PkiSettings) -> Iterator[str]:
     fleet = None if settings.fleet is None else _read_fleet(settings.fleet)
     if fleet is not None and not authority.folder.exists():
-        for name in (*fleet.robot_names(), *fleet.roles):
+        for name in fleet.names():
             authority.check_free(name)
     made = authority.make()
     yield f"{made}: the fleet's authority; its key stays in {authority.folder}"
@@ -80,15 +80,16 @@ def _issue_all(authority: Authority, file: Path, fleet: FleetFile, days: float) 
     """Make what the names of a fleet file lack, and the rules beside it."""
     there = {each.name for each in authority.all()} | fleet.denied_names()
     there |= {name for name, _ in Invitations(authority).pending(datetime.now(UTC))}
-    names = [name for name in (*fleet.robot_names(), *fleet.roles) if name not in there]
+    names = [name for name in fleet.names() if name not in there]
     for name in names:
         authority.issue(name, (), days)
     if names:
         told = ", ".join(names[:MOST_TOLD]) + (", ..." if len(names) > MOST_TOLD else "")
         yield f"{authority.folder}/NAME.pem, NAME.key: {len(names)} new, good for {days:g} days: {told}"
-    access = file.with_name(ACCESS)
-    _write(access, _rules(fleet, authority.folder))
-    yield f"{access}: what each of them may do, for the routers"
+    for warehouse in fleet.warehouses or ("",):
+        access = file.with_name(ACCESS.format(f"-{warehouse}" if warehouse else ""))
+        _write(access, _rules(fleet.at(warehouse), authority.folder))
+        yield f"{access}: what each of them may do, for the routers{f' of {warehouse}' if warehouse else ''}"
 
 
 def _list(authority: Authority, _: PkiSettings) -> Iterator[str]:
@@ -145,7 +146,7 @@ def _invite(authority: Authority, settings: PkiSettings) -> Iterator[str]:
     yield str(token)
     if fleet is None:
         yield f"{name} may do what fleet.yaml says of it; where it is new there: {rules}"
-    elif name not in {*fleet.robot_names(), *fleet.roles}:
+    elif name not in fleet.names():
         yield f"{name} is not in {settings.fleet}: it will have a certificate and no rights, until it is there and"
         yield f"fleetsight access {settings.fleet} --folder {settings.folder} --to access.json"
 
@@ -218,13 +219,21 @@ async def run_access(settings: AccessSettings) -> None:
         AccessError: the file cannot be used, or the rules not be written.
     """
     try:
-        text = await asyncio.to_thread(lambda: _rules(_read_fleet(settings.fleet), settings.folder))
+        text = await asyncio.to_thread(_rules_of, settings)
         if settings.to is None:
             sys.stdout.write(text)
         else:
             await asyncio.to_thread(_write, settings.to, text)
     except OSError as error:
         raise AccessError(f"{error.filename}: {error.strerror}") from error
+
+
+def _rules_of(settings: AccessSettings) -> str:
+    try:
+        fleet = _read_fleet(settings.fleet).at(settings.warehouse)
+    except ValueError as error:
+        raise AccessError(f"{settings.fleet}: {error}") from error
+    return _rules(fleet, settings.folder)
 
 
 def _rules(fleet: FleetFile, folder: Path | None) -> str:
@@ -246,7 +255,7 @@ def _without_revoked(fleet: FleetFile, folder: Path) -> FleetFile:
         revoked = {issued.name for issued in Authority(folder).all() if issued.revoked}
     except AuthorityError as error:
         raise AccessError(str(error)) from error
-    known = {*fleet.robot_names(), *fleet.roles}
+    known = set(fleet.names())
     return fleet.model_copy(update={"denied": [*fleet.denied, *sorted(revoked & known)]})
 
 

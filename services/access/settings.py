@@ -69,7 +69,7 @@ class PkiSettings(BaseModel):
     with the same key, or all that end soon and whose machines do not renew them, and `revoke` deletes the key and keeps
     the name from being used again. Files are in --folder: ca.pem goes to every machine, r1.pem and r1.key to r1 alone,
     ca.key nowhere. With --fleet fleet.yaml, `init` and `issue` make a certificate for every name in that file that has
-    none, and access.json beside it, which is what `fleetsight access` writes.
+    none, and access.json beside it, which is what `fleetsight access` writes, or access-berlin.json for each warehouse.
 
     So that no key is copied, `invite` prints a token, which lets one machine enrol once, and the command to run there:
     `enrol` asks for the token, or reads it from standard input, makes the key, and gets a certificate from `serve`,
@@ -153,14 +153,18 @@ class AccessSettings(BaseModel):
 
     The file names the fleet's robots (robots: [r1..r200]), what other certificates are for (roles: {central: [monitor,
     worldmodel], gpu1: detector, ann: operator, wall: observer}), and those that may do nothing any more (denied:
-    [r17]). Routers read the rules when they start: `fleetsight monitor --access access.json`. Under `access_control` a
-    zenohd of Zenoh's own takes them too.
+    [r17]). Where it has warehouses (warehouses: {berlin: {robots: [b1..b40]}}) the routers of each get their own, by
+    --warehouse. Routers read the rules when they start: `fleetsight monitor --access access.json`. Under
+    `access_control` a zenohd of Zenoh's own takes them too.
     """
 
     fleet: Annotated[File, Field(description="the file, such as fleet.yaml; also the first argument")]
     to: Annotated[
         Path | None, Field(description="file to write, compressed if it ends in .gz; standard output by default")
     ] = None
+    warehouse: Annotated[
+        str, AfterValidator(_name), Field(description="the warehouse whose routers get the rules, if the file has any")
+    ] = ""
     folder: Annotated[
         Path | None, Field(description="folder of the authority (`fleetsight pki`), whose revoked names are denied too")
     ] = None

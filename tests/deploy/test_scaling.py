@@ -4,7 +4,7 @@ import random
 import re
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -134,46 +134,41 @@ def site(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> Site:
     return Site(bus)
 
 
-async def test_one_worker_becomes_six_and_one_again_and_none_flaps(
-    site: Site, scaled: dict[str, Any], query: str, tmp_path: Path
-) -> None:
-    noise = random.Random(1)  # noqa: S311 - the same numbers each time
-    series, scaler = Series(tmp_path), Scaler(scaled)
-    pods = [("w0", 0.0)]
-    history = []
-    for step in range(110):
+async def numbers_of_pods(site: Site, scaled: dict[str, Any], series: Series, loads_hz: Iterable[float]) -> list[int]:
+    """Return how many pods there are to be after each SCRAPE_S in which cameras have so many frames a second."""
+    scaler, query = Scaler(scaled), scaled["triggers"][0]["metadata"]["query"]
+    pods, counts = [("w0", 0.0)], list[int]()
+    for step, wanted_hz in enumerate(loads_hz):
         now_s = step * SCRAPE_S
-        busy = 10 <= step < 60
-        wanted_hz = (80 if busy else 10) * noise.uniform(0.85, 1.15)
         site.pass_time(wanted_hz, [name for name, ready_s in pods if ready_s <= now_s])
         series.scrape(await site.text())
         wished = scaler.decide(series.value(query), len(pods), now_s)
         pods = [*pods[:wished], *((f"w{step}-{number}", now_s + START_S) for number in range(wished - len(pods)))]
-        history.append((busy, wished))
-    counts = [count for _, count in history]
+        counts.append(wished)
+    return counts
+
+
+async def test_one_worker_becomes_six_and_one_again_and_none_flaps(
+    site: Site, scaled: dict[str, Any], tmp_path: Path
+) -> None:
+    noise = random.Random(1)  # noqa: S311 - the same numbers each time
+    loads_hz = [wanted_hz * noise.uniform(0.85, 1.15) for wanted_hz in [10] * 10 + [80] * 50 + [10] * 50]
+    counts = await numbers_of_pods(site, scaled, Series(tmp_path), loads_hz)
     changes = [count for before, count in zip([0, *counts], counts, strict=False) if count != before]
     top = changes.index(6)
-    assert changes == [*sorted(changes[: top + 1]), *sorted(changes[top + 1 :], reverse=True)], history
+    assert changes == [*sorted(changes[: top + 1]), *sorted(changes[top + 1 :], reverse=True)], counts
     assert (changes[0], max(changes), changes[-1]) == (1, 6, 1)
     assert len(set(changes[: top + 1])) == top + 1
-    assert [count for busy, count in history if busy][-20:] == [6] * 20
+    assert counts[40:60] == [6] * 20
 
 
 @pytest.mark.parametrize("wanted_hz", [83, 98])
 async def test_a_load_at_the_edge_of_one_worker_more_does_not_flap(
-    site: Site, scaled: dict[str, Any], query: str, tmp_path: Path, wanted_hz: float
+    site: Site, scaled: dict[str, Any], tmp_path: Path, wanted_hz: float
 ) -> None:
     noise = random.Random(2)  # noqa: S311 - the same numbers each time
-    series, scaler = Series(tmp_path), Scaler(scaled)
-    pods = [("w0", 0.0)]
-    counts = []
-    for step in range(40):
-        now_s = step * SCRAPE_S
-        site.pass_time(wanted_hz * noise.uniform(0.9, 1.1), [name for name, ready_s in pods if ready_s <= now_s])
-        series.scrape(await site.text())
-        wished = scaler.decide(series.value(query), len(pods), now_s)
-        pods = [*pods[:wished], *((f"w{step}-{number}", now_s + START_S) for number in range(wished - len(pods)))]
-        counts.append(wished)
+    loads_hz = [wanted_hz * noise.uniform(0.9, 1.1) for _ in range(40)]
+    counts = await numbers_of_pods(site, scaled, Series(tmp_path), loads_hz)
     settled = wanted_hz * CALL_S / float(scaled["triggers"][0]["metadata"]["threshold"])
     assert counts == sorted(counts)
     assert abs(counts[-1] - settled) <= 1

@@ -184,6 +184,30 @@ async def test_a_fleet_file_gets_what_its_names_lack(tmp_path: Path, capsys: pyt
         assert not (tmp_path / "other").exists()
 
 
+async def test_each_warehouse_has_rules_of_its_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder, fleet = tmp_path / "pki", tmp_path / "fleet.yaml"
+    fleet.write_text(
+        "{roles: {ann: operator}, denied: [b2], warehouses:"
+        " {berlin: {robots: [b1..b2], roles: {gpu1: detector}}, lyon: {robots: [l1]}}}"
+    )
+    await pki(folder, {"task": "init", "fleet": fleet})
+    assert {file.stem for file in folder.glob("*.key")} == {"ca", "b1", "l1", "ann", "gpu1"}
+    found = {}
+    for warehouse in ("berlin", "lyon"):
+        made = (tmp_path / f"access-{warehouse}.json").read_bytes()
+        found[warehouse] = {subject["id"] for subject in json.loads(made)["subjects"]}
+        capsys.readouterr()
+        await run_access(AccessSettings(fleet=fleet, warehouse=warehouse))
+        assert capsys.readouterr().out.encode() == made
+    assert found == {"berlin": {"b1", "gpu1", "ann"}, "lyon": {"l1", "ann"}}
+    for wrong in ("", "paris"):
+        with pytest.raises(AccessError, match=rf"no warehouse '{wrong}' in it; there are berlin, lyon"):
+            await run_access(AccessSettings(fleet=fleet, warehouse=wrong))
+    fleet.write_text("{robots: [b1], warehouses: {berlin: {robots: [b1]}}}")
+    with pytest.raises(AccessError, match="b1 is there twice"):
+        await run_access(AccessSettings(fleet=fleet, warehouse="berlin"))
+
+
 async def test_rules_of_thousands_of_robots_fit_where_a_mebibyte_does(tmp_path: Path) -> None:
     (tmp_path / "fleet.yaml").write_text("robots: [r1..r1000]")
     plain, packed = tmp_path / "access.json", tmp_path / "access.json.gz"
