@@ -3,7 +3,7 @@
 import json
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -318,20 +318,6 @@ def cluster(podman: Podman) -> Iterator[tuple[Podman, list[Mapping[str, Any]]]]:
         yield podman, [each["spec"]["template"]["spec"] for each in objects if "template" in each.get("spec", {})]
 
 
-def becomes_ready(podman: Podman, container: str, probe: Sequence[str]) -> None:
-    """Return once a probe passes: a process says every five seconds whether it serves."""
-    end = time.monotonic() + DEADLINE_S
-    while True:
-        try:
-            podman.run("exec", container, *probe)
-        except AssertionError:
-            if time.monotonic() > end:
-                raise
-            time.sleep(1)
-        else:
-            return
-
-
 def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
     cluster: tuple[Podman, list[Mapping[str, Any]]],
 ) -> None:
@@ -351,7 +337,7 @@ def test_the_chart_s_pods_serve_a_robot_and_pass_their_probes(
             assert json.loads(answer)["status"] == "ok"
         else:
             podman.run("exec", pod(name), *probe["exec"]["command"])
-            becomes_ready(podman, pod(name), containers[name]["readinessProbe"]["exec"]["command"])
+            podman.until_passes(pod(name), *containers[name]["readinessProbe"]["exec"]["command"])
             *python, script = probe["exec"]["command"]
             hung = f"import os; os.utime('/tmp/heartbeat', (0, 0)); {script}"
             with pytest.raises(AssertionError):

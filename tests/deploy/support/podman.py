@@ -102,6 +102,19 @@ class Podman:
                 pytest.fail(f"{container} did not say {said!r}\n{told}")
             time.sleep(0.5)
 
+    def until_passes(self, container: str, *command: str) -> None:
+        """Wait until a command passes in a container, as a probe that is asked again; fail with what it says."""
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                self.run("exec", container, *command)
+            except AssertionError:
+                if time.monotonic() > end:
+                    raise
+                time.sleep(1)
+            else:
+                return
+
     def is_healthy(self, container: str) -> bool:
         """Return whether a container's health check passes."""
         try:
