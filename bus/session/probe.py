@@ -1,7 +1,8 @@
 """Sessions for a moment: whether a listener takes links, and to have a router look again at who subscribes."""
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from typing import Any, Final
 
 import zenoh
@@ -33,10 +34,8 @@ def why_not_taken(settings: BusSettings, endpoint: str, *, own: bool = True) -> 
     own: it is this process's listener, under an address of loopback that its certificate need not name.
     """
     try:
-        with panics_are_errors():
-            session = zenoh.open(zenoh.Config.from_json5(json.dumps(_config(settings, endpoint, own=own))))
+        with _session(settings, endpoint, own=own) as session:
             linked = bool(session.info.links())
-            close_session(session)
     except (zenoh.ZError, BusError) as error:
         return reason_of(error)
     return "" if linked else "the link was closed at once"
@@ -48,20 +47,26 @@ def subscribe_briefly(settings: BusSettings, endpoint: str, keys: Collection[str
     The router then looks again at who else subscribes to each of them.
     """
     try:
-        with panics_are_errors():
-            session = zenoh.open(zenoh.Config.from_json5(json.dumps(_config(settings, endpoint, own=False))))
-            try:
-                for key in keys:  # each for a moment: what is published under it goes to this session meanwhile
-                    session.declare_subscriber(key, _leave).undeclare()
-                return bool(session.info.links())
-            finally:
-                close_session(session)
+        with _session(settings, endpoint, own=False) as session:
+            for key in keys:  # each for a moment: what is published under it goes to this session meanwhile
+                session.declare_subscriber(key, _leave).undeclare()
+            return bool(session.info.links())
     except (zenoh.ZError, BusError):
         return False
 
 
 def _leave(_: zenoh.Sample) -> None:
     """Take nothing."""
+
+
+@contextmanager
+def _session(settings: BusSettings, endpoint: str, *, own: bool) -> Iterator[zenoh.Session]:
+    with panics_are_errors():
+        session = zenoh.open(zenoh.Config.from_json5(json.dumps(_config(settings, endpoint, own=own))))
+        try:
+            yield session
+        finally:
+            close_session(session)
 
 
 def _config(settings: BusSettings, endpoint: str, *, own: bool) -> dict[str, Any]:

@@ -37,6 +37,13 @@ def rules_of(file: Path, kind: str) -> list[str]:
     return [rule[kind] for group in groups for rule in group["rules"] if kind in rule]
 
 
+def _tested(file: Path, tests: Mapping[str, Any]) -> str:
+    """Write tests of rules to a file; return what promtool says of them."""
+    file.write_text(yaml.safe_dump(dict(tests), width=1_000_000), encoding="utf-8")
+    said = subprocess.run([PROMTOOL, "test", "rules", file], capture_output=True, text=True, check=False)
+    return said.stdout + said.stderr
+
+
 def raised(rules: Path, series: Sequence[Mapping[str, str]], folder: Path) -> dict[str, list[dict[str, str]]]:
     """Return the labels of what each alert of a file has raised after half an hour of series, a value each minute."""
     require_promtool()
@@ -44,9 +51,7 @@ def raised(rules: Path, series: Sequence[Mapping[str, str]], folder: Path) -> di
     expected = [{"alertname": name, "eval_time": "30m", "exp_alerts": [{"exp_labels": {"no": name}}]} for name in names]
     test = {"interval": "1m", "input_series": list(series), "alert_rule_test": expected}
     file = folder / "alerts.yaml"
-    file.write_text(yaml.safe_dump({"rule_files": [str(rules)], "tests": [test]}, width=1_000_000), encoding="utf-8")
-    said = subprocess.run([PROMTOOL, "test", "rules", file], capture_output=True, text=True, check=False)
-    text = said.stdout + said.stderr
+    text = _tested(file, {"rule_files": [str(rules)], "tests": [test]})
     got = r"alertname: (\w+), time: .*?got:\[(.*?)\n? *\]$"
     found = dict(re.findall(got, text, re.MULTILINE | re.DOTALL))
     assert found.keys() == set(names), text
@@ -89,12 +94,9 @@ class Series:
         at = f"{(len(scrapes) - 1) * SCRAPE_S}s"
         impossible = {"expr": expression, "eval_time": at, "exp_samples": [{"labels": "none", "value": 0}]}
         test = {"interval": f"{SCRAPE_S}s", "input_series": series, "promql_expr_test": [impossible]}
-        self._file.write_text(
-            yaml.safe_dump({"evaluation_interval": f"{SCRAPE_S}s", "tests": [test]}, width=1_000_000), encoding="utf-8"
-        )
-        said = subprocess.run([PROMTOOL, "test", "rules", self._file], capture_output=True, text=True, check=False)
-        got = re.search(r"^ *got: *(.*)$", said.stdout + said.stderr, re.MULTILINE)
-        assert got, said.stdout + said.stderr
+        text = _tested(self._file, {"evaluation_interval": f"{SCRAPE_S}s", "tests": [test]})
+        got = re.search(r"^ *got: *(.*)$", text, re.MULTILINE)
+        assert got, text
         return None if got[1] == "nil" else float(got[1].rpartition(" ")[2])
 
 
