@@ -51,9 +51,9 @@ from services.detector.runtime.engine import Runtime
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.toolbox.train.inference import open_follower, open_weights
 from services.training.evaluation.predictor import LOWEST_CONFIDENCE
+from services.training.evaluation.run import scored
 from services.training.evaluation.scenes import generator_digest, held_out_seeds, held_out_views
 from services.training.files import TrainingError
-from services.training.run import scored
 
 REPORT_EVERY: Final = 20
 SEED: Final = 1

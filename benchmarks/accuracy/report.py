@@ -6,7 +6,7 @@ from benchmarks.accuracy.following import Followed, Tally
 from benchmarks.targets import Targets, at_least
 from services.training.evaluation.class_lists import ListFigures
 from services.training.evaluation.precision import Precision
-from services.training.run import HeldOutScore
+from services.training.evaluation.run import HeldOutScore
 
 CONFIDENCES: Final = tuple(round(0.05 * step, 2) for step in range(1, 19))
 TARGETS: Final = {"mask_map50": 0.90, "mask_map50_95": 0.65, "classes_exact": 0.95, "idf1": 0.85}

@@ -32,7 +32,7 @@ from services.simulator.world import CLASSES
 from services.toolbox.train.inference import open_weights
 from services.training.evaluation.photographs import score_photographs
 from services.training.files import TrainingError
-from services.training.photographs import TEST_SPLITS, read_photographs
+from services.training.photographs import TEST_SPLITS, classes_of, read_photographs
 
 REPORT_EVERY: Final = 50
 CONFIDENCE: Final[float] = DetectorSettings.model_fields["confidence"].default
@@ -69,10 +69,11 @@ def measure(folder: Path | None, weights: Path, confidence: float, device: str) 
     """
     digest = hashlib.sha256(weights.read_bytes()).hexdigest()
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as scratch:
-        photographs = read_photographs(folder or write_stand_ins(Path(scratch)), *TEST_SPLITS)
-        predict = open_weights(weights, confidence=confidence, device=device, folder=Path(scratch))
+        pictures = folder or write_stand_ins(Path(scratch))
+        photographs, classes = read_photographs(pictures, *TEST_SPLITS), classes_of([pictures])
+        predict = open_weights(weights, confidence=confidence, device=device, folder=Path(scratch), any_model=True)
         progress = partial(note_step, "look", total=len(photographs), every=REPORT_EVERY)
-        scores = score_photographs(photographs, predict, lambda done: progress(done=done))
+        scores = score_photographs(photographs, predict, lambda done: progress(done=done), classes=classes)
     summaries = {source: score.summary() for source, score in scores.items()}
     overall = summaries.pop("all")
     return {

@@ -1,20 +1,17 @@
 """The model card that is written beside the weights."""
 
 import platform
-import resource
+import shlex
 import textwrap
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-from pydantic import BaseModel
-
 from services.simulator.world import CLASSES
 from services.training.checkpoints import ARCHITECTURE
+from services.training.dataset import numbers_of
 from services.training.evaluation.class_lists import REQUIRED_AREA, VISIBLE_AREA, ListFigures
 from services.training.evaluation.near_objects import MATCHING_IOU, NEAR_AREA, NEAR_METRES, NearFigures
 from services.training.evaluation.photographs import PhotographScore
@@ -22,56 +19,35 @@ from services.training.evaluation.precision import MIN_AREA, MaskFigures, Precis
 from services.training.evaluation.predictor import CONFIDENCE
 from services.training.evaluation.scenes import held_out_seeds
 from services.training.evaluation.truths import MIN_VISIBILITY
+from services.training.files import Effort
 from services.training.fitting import device_name
 from services.training.mixing import EMPTY_REPEATS, NONE_MADE, MadePictures
 from services.training.settings import DECISIVE, TrainingSettings
 
-
-class Effort(BaseModel):
-    """Seconds by the clock, and seconds of processor time of this process and its children."""
-
-    wall_s: float = 0.0
-    cpu_s: float = 0.0
-
-
-def effort_so_far(record: Path) -> Effort:
-    """Return the effort noted in `record`, zero at first."""
-    return Effort.model_validate_json(record.read_bytes()) if record.exists() else Effort()
-
-
-@contextmanager
-def metered(record: Path) -> Iterator[None]:
-    """Add the cost of the block to `record`, also when it is interrupted."""
-    wall, cpu = time.monotonic(), _cpu_seconds()
-    try:
-        yield
-    finally:
-        before = effort_so_far(record)
-        spent = Effort(wall_s=before.wall_s + time.monotonic() - wall, cpu_s=before.cpu_s + _cpu_seconds() - cpu)
-        record.write_text(spent.model_dump_json())
-
-
-def _cpu_seconds() -> float:
-    usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
-
-
 PACKAGES: Final = ("ultralytics-opencv-headless", "torch", "numpy", "opencv-python-headless")
 
 _CARD: Final = """\
-# {name}: box, pallet, forklift
+# {name}: {names}
 
-A nano instance segmentation model (`{architecture}`, {classes} classes, input {imgsz} pixels on the longer side, half
+{kind} (`{architecture}`, {count} classes, input {imgsz} pixels on the longer side, half
 precision), trained {origin}.
 Made, and this page written, by one command:
 
     {command}
 
-- Seed {seed}; {images} images of 640x480, two of each scene, batch {batch}{scratch}.
+- Seed {seed}; {rendered}batch {batch}{scratch}.
 {mixed}{averaged}{refiner}- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor
   time, rendering included, with {workers} workers on device {device}.
 - Python {python}, {versions}.
+{simulated}{photographs}
+## What it is not
 
+{limits}
+
+Licence: AGPL-3.0-or-later, as the project and the architecture's definition in Ultralytics are.
+"""
+
+_SIMULATED: Final = """
 ## On scenes that it was not trained on
 
 One picture of each of {holdout} scenes (seeds {first} to {last}), seen as a detector sees a camera's: COCO's average
@@ -106,21 +82,13 @@ within {near_metres:.0f} m, {near_share:.1%} were named right: a box of the righ
 {near_rows}
 
 "Invented" are predictions of at least the same size in these {pictures} pictures where nothing of that class was.
-{photographs}
-## What it is not
-
-{limits}
-Objects that are far, small or mostly hidden are often missed, and trolleys, posts or bare walls are sometimes taken for
-forklifts. Things that it was never shown (people, cars, hand pallet trucks) may be taken for one of its classes.
-
-Licence: AGPL-3.0-or-later, as the project and the architecture's definition in Ultralytics are.
 """
 
 _FROM_SCRATCH: Final = """: {coarse_epochs} epochs at half
   the size, {epochs} at the whole and {polish_epochs} more with the learning rate raised once again"""
 
 _MIXED: Final = """\
-- {data_epochs} epochs of these together with photographs, in about equal parts, varied in colour, size and place;
+- {data_epochs} epochs of {together}, varied in colour, size and place;
   classes that a source does not label count neither for nor against a prediction, and where boxes alone are known
   masks do not count. The learning rate began at {data_rate:g}; photographs without any of the classes were shown
   {empty_repeats} times as often as others.{made}
@@ -141,6 +109,14 @@ measured; train on pictures of your own site before you rely on it."""
 _SEEN: Final = """\
 It has seen a few hundred photographs of a few places. On a real camera of another place it does as well as the table
 of photographs says, at best; train on pictures of your own site before you rely on it."""
+
+_WORLDS_LIMITS: Final = """
+Objects that are far, small or mostly hidden are often missed, and trolleys, posts or bare walls are sometimes taken for
+forklifts. Things that it was never shown (people, cars, hand pallet trucks) may be taken for one of its classes."""
+
+_OTHER_LIMITS: Final = """\
+It has seen the photographs that it was trained on. On a camera of another place it does as well as the table of
+photographs says, at best. Things that it was never shown may be taken for one of its classes."""
 
 _PHOTOGRAPHS: Final = """
 ## On photographs that it was not trained on
@@ -168,17 +144,29 @@ them, without that network, they are {coarse}.
 
 
 @dataclass(frozen=True, slots=True)
-class Figures:
-    """Evaluation results of a run's weights; `lists` at `CONFIDENCE`.
+class SimulatorFigures:
+    """Evaluation results on unseen scenes of the simulator; `lists` at `CONFIDENCE`.
 
-    unrefined: of all masks as they are without a refiner, where there is one. photographs: by source. licences: of the
-    sources trained on, in words.
+    unrefined: of all masks as they are without a refiner, where there is one.
     """
 
     masks: MaskFigures
     lists: ListFigures
     near: NearFigures
     unrefined: Precision | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """A run's weights and their evaluation results. classes: by number. architecture: the name of its YAML.
+
+    simulated: of a model that knows all that the simulator has. photographs: by source. licences: of the sources
+    trained on, in words.
+    """
+
+    classes: Sequence[str]
+    architecture: str
+    simulated: SimulatorFigures | None
     photographs: Mapping[str, PhotographScore] = field(default_factory=dict)
     licences: Mapping[str, str] = field(default_factory=dict)
 
@@ -187,25 +175,45 @@ def model_card(
     settings: TrainingSettings, figures: Figures, effort: Effort, refined: int = 0, made: MadePictures = NONE_MADE
 ) -> str:
     """Describe a run's weights as Markdown. refined: number of objects a refiner of masks learned from, if any."""
-    masks, lists, near = figures.masks, figures.lists, figures.near
     values = settings.model_dump()
-    seeds = held_out_seeds(settings.seed, settings.holdout)
+    own = (_SEEN if settings.data else _UNSEEN) + _WORLDS_LIMITS
+    drawn = bool(numbers_of(figures.classes, settings.class_names))
     return _CARD.format(
         name=settings.output.stem,
-        architecture=ARCHITECTURE,
-        classes=len(CLASSES),
+        names=", ".join(figures.classes),
+        kind=_kind(figures),
+        architecture=figures.architecture,
+        count=len(figures.classes),
         command=_command(settings),
-        origin=_origin(settings),
+        origin=_origin(settings, drawn=drawn),
+        rendered=f"{settings.images} images of 640x480, two of each scene, " if drawn else "",
         scratch="" if settings.start else _FROM_SCRATCH.format(**values),
-        mixed=_MIXED.format(empty_repeats=EMPTY_REPEATS, made=_made(made), **values) if settings.data else "",
+        mixed=_mixed(settings, made, drawn=drawn) if settings.data else "",
         averaged=_AVERAGED.format(**values) if settings.keep else "",
-        limits=_SEEN if settings.data else _UNSEEN,
+        limits=own if tuple(figures.classes) == CLASSES else _OTHER_LIMITS,
+        simulated="" if figures.simulated is None else _simulated(settings, figures.simulated),
         photographs=_photographs(figures),
         wall_min=effort.wall_s / 60,
         cpu_min=effort.cpu_s / 60,
         python=platform.python_version(),
         versions=", ".join(f"{name} {version(name)}" for name in PACKAGES),
         device=device_name(settings),
+        refiner=_REFINER.format(objects=refined, **values) if refined else "",
+        **settings.model_dump(include={"seed", "batch", "imgsz", "workers"}),
+    )
+
+
+def _kind(figures: Figures) -> str:
+    finds = "instance segmentation" if "seg" in figures.architecture else "detection"
+    return f"A nano {finds} model" if figures.architecture == ARCHITECTURE else f"A model for {finds}"
+
+
+def _simulated(settings: TrainingSettings, figures: SimulatorFigures) -> str:
+    """Describe how weights do on unseen scenes of the simulator."""
+    masks, lists, near = figures.masks, figures.lists, figures.near
+    seeds = held_out_seeds(settings.seed, settings.holdout)
+    return _SIMULATED.format(
+        holdout=settings.holdout,
         first=seeds[0],
         last=seeds[-1],
         area=MIN_AREA,
@@ -222,17 +230,25 @@ def model_card(
         pictures=near.pictures,
         iou=MATCHING_IOU,
         confidence=CONFIDENCE,
-        refiner=_REFINER.format(objects=refined, **values) if refined else "",
         unrefined=_without(masks.by_score, figures.unrefined),
         near_rows="\n".join(_near_row(near, name) for name in CLASSES),
-        **{name: value for name, value in values.items() if name != "device"},
     )
 
 
-def _origin(settings: TrainingSettings) -> str:
+def _origin(settings: TrainingSettings, *, drawn: bool) -> str:
     begin = "from random weights" if settings.start is None else f"from {settings.start.name}"
-    pictures = "rendered pictures of simulated warehouses"
-    return f"{begin} on {pictures} and on photographs" if settings.data else f"{begin} on {pictures}"
+    pictures = ["rendered pictures of simulated warehouses"] * drawn + ["photographs"] * bool(settings.data)
+    return f"{begin} on {' and on '.join(pictures)}"
+
+
+def _mixed(settings: TrainingSettings, made: MadePictures, *, drawn: bool) -> str:
+    return _MIXED.format(
+        together="these together with photographs, in about equal parts" if drawn else "photographs",
+        data_epochs=settings.data_epochs,
+        data_rate=settings.data_rate,
+        empty_repeats=EMPTY_REPEATS,
+        made=_made(made),
+    )
 
 
 def _command(settings: TrainingSettings) -> str:
@@ -241,8 +257,14 @@ def _command(settings: TrainingSettings) -> str:
     options = [
         (name, each) for name, value in given.items() for each in (value if isinstance(value, list) else [value])
     ]
-    texts = ((name, each.name if isinstance(each, Path) else each) for name, each in options)
-    return " ".join(["fleetsight train", *(f"--{name.replace('_', '-')} {text}" for name, text in texts)])
+    texts = (f"--{name.replace('_', '-')} {_argument(each)}" for name, each in options)
+    return " ".join(["fleetsight train", *texts])
+
+
+def _argument(value: object) -> str:
+    if isinstance(value, dict):
+        return shlex.quote(",".join(f"{old}={new}" for old, new in value.items()))
+    return value.name if isinstance(value, Path) else str(value)
 
 
 def _photographs(figures: Figures) -> str:

@@ -7,15 +7,15 @@ nothing; the tensors among it go into a network of our own making, of which Ultr
 import io
 import re
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from services.simulator.world import CLASSES
 from services.training.files import TrainingError
 
 if TYPE_CHECKING:
@@ -24,9 +24,14 @@ if TYPE_CHECKING:
 
 
 ARCHITECTURE: Final = "yolo11n-seg.yaml"
+"""Of a model that is trained from scratch."""
+
+NETWORKS: Final = {"Segment": "SegmentationModel", "Detect": "DetectionModel"}
+"""Ultralytics' networks by their last layer: of models whose loss `partial_labels` knows."""
 
 LAYER: Final = re.compile(
-    r"(torch|ultralytics)\.nn\.modules\.\w+\.\w+|ultralytics\.(nn\.tasks\.SegmentationModel|utils\.IterableSimpleNamespace)"
+    r"(torch|ultralytics)\.nn\.modules\.\w+\.\w+"
+    r"|ultralytics\.(nn\.tasks\.(Segmentation|Detection)Model|utils\.IterableSimpleNamespace)"
 )
 """The callables that Ultralytics' checkpoints name."""
 
@@ -34,6 +39,13 @@ _SCALAR: Final[Any] = np.float64(0).__reduce__()[0]
 _NUMBERS: Final[Mapping[str, Any]] = {"numpy._core.multiarray.scalar": _SCALAR, "numpy.dtype": np.dtype}
 _KNOWN: Final[tuple[Any, ...]] = (*((number, name) for name, number in _NUMBERS.items()), type(np.dtype(np.float64)))
 _GOING_ON: Final = ("best_fitness", "stopper", "updates", "optimizer", "scaler")
+
+
+ACTIVATION: Final = re.compile(r"(torch\.)?nn\.\w+\([\w., =]*\)")
+"""A layer of torch's, and no other call."""
+
+CLASS_ROWS: Final = re.compile(r"model\.\d+\.(one2one_)?cv3\.\d+\.2\.(weight|bias)")
+"""The last layer's tensors that have a row for each class."""
 
 
 class _Layer:
@@ -44,12 +56,14 @@ class _Layer:
 class Checkpoint:
     """The state after a whole epoch.
 
-    epoch: from 0. weights: the averaged network's tensors by their names. going_on: what the optimizer and its
-    surroundings go on from, plain numbers and tensors.
+    epoch: from 0. weights: the averaged network's tensors by their names. classes: names by index. architecture: as
+    Ultralytics' YAML has it. going_on: what the optimizer and its surroundings go on from, plain numbers and tensors.
     """
 
     epoch: int
     weights: Mapping[str, "torch.Tensor"]
+    classes: Sequence[str]
+    architecture: Mapping[str, Any]
     going_on: Mapping[str, Any]
 
     @classmethod
@@ -57,7 +71,8 @@ class Checkpoint:
         """Read the trainer's checkpoint, or weights, whose epoch is -1.
 
         Raises:
-            ValueError: it calls for what no network consists of, or holds no network; nothing in it was executed.
+            ValueError: it calls for what no network consists of, or holds no network, or one that cannot be trained
+                here; nothing in it was executed.
             Exception: torch cannot read it.
         """
         state = _state_in(file)
@@ -65,19 +80,55 @@ class Checkpoint:
         if not isinstance(network, _Layer):
             raise ValueError("it holds no network")  # noqa: TRY004 - what a file holds is no type of ours
         return cls(
-            int(state["epoch"]),
+            int(state.get("epoch", -1)),
             {name: each.float() if each.is_floating_point() else each for name, each in _tensors(network)},
+            _classes(network),
+            _architecture(network),
             {name: state.get(name) for name in _GOING_ON},
         )
 
+    @property
+    def task(self) -> str:
+        """The model's task, in Ultralytics' words."""
+        return "segment" if _head(self.architecture) == "Segment" else "detect"
+
+    @property
+    def architecture_name(self) -> str:
+        return Path(str(self.architecture.get("yaml_file", ARCHITECTURE))).name
+
     def network(self) -> "nn.Module":
         """Return a network with these weights; call it after `load_ultralytics`."""
-        from ultralytics.nn.tasks import SegmentationModel  # noqa: PLC0415 - only the training needs it
-
-        network: nn.Module = SegmentationModel(ARCHITECTURE, nc=len(CLASSES), verbose=False)
+        network = self._new_network()
         network.load_state_dict(self.weights)
-        network.names = dict(enumerate(CLASSES))  # type: ignore[assignment]
         return network.eval()
+
+    def with_classes(self, classes: Sequence[str], new_names: Mapping[str, str]) -> "Checkpoint":
+        """Return these weights for other classes; call it after `load_ultralytics`.
+
+        new_names: of this one's classes, where they have others there. A class that this one does not have begins with
+        random numbers, and so do layers that have another size for another number of classes.
+        """
+        named = {new_names.get(name, name): row for row, name in reversed([*enumerate(self.classes)])}
+        rows = [(new, named[name]) for new, name in enumerate(classes) if name in named]
+        other = replace(self, classes=tuple(classes))
+        weights = other._new_network().state_dict()  # noqa: SLF001 - of the same class
+        for name, tensor in weights.items():
+            old = self.weights[name]
+            if CLASS_ROWS.fullmatch(name) and tensor.shape[1:] == old.shape[1:]:
+                for new, row in rows:
+                    tensor[new] = old[row]
+            elif tensor.shape == old.shape:
+                weights[name] = old
+        return replace(other, weights=weights)
+
+    def _new_network(self) -> "nn.Module":
+        from ultralytics.nn import tasks  # noqa: PLC0415 - only the training needs it
+
+        _check_layers(self.architecture)
+        made = getattr(tasks, NETWORKS[_head(self.architecture)])
+        network: nn.Module = made(deepcopy(dict(self.architecture)), nc=len(self.classes), verbose=False)
+        network.names = dict(enumerate(self.classes))  # type: ignore[assignment]
+        return network
 
     def averaged(self, other: "Checkpoint", share: float) -> "Checkpoint":
         """Return these weights averaged with `other`'s, of which `share` is taken; the rest as it is.
@@ -134,6 +185,54 @@ def _nothing_taken_as_safe() -> Iterator[None]:
         torch.serialization.add_safe_globals(before)
 
 
+def _classes(network: Any) -> tuple[str, ...]:
+    """Return the names of a network's classes.
+
+    Raises:
+        ValueError: it does not name them by number.
+    """
+    try:
+        return tuple(str(network.names[number]) for number in range(len(network.names)))
+    except (AttributeError, LookupError, TypeError) as error:
+        raise ValueError("its classes have no names by number") from error
+
+
+def _architecture(network: Any) -> Mapping[str, Any]:
+    """Return the architecture of a network, as it was when the network was made.
+
+    Raises:
+        ValueError: there is none, or none of a model that can be trained here.
+    """
+    found: Any = getattr(network, "yaml", None)
+    head = _head(found)
+    if head not in NETWORKS:
+        known = " or ".join(NETWORKS)
+        raise ValueError(f"its last layer is {head[:40]}, where {known} can be trained here; train it with Ultralytics")
+    if ACTIVATION.fullmatch(str(found.get("activation"))):
+        return {**found}
+    return {name: value for name, value in found.items() if name != "activation"}  # Ultralytics would execute it
+
+
+def _head(architecture: Any) -> str:
+    """Return the kind of the last layer."""
+    try:
+        return str(architecture["head"][-1][2])
+    except (LookupError, TypeError) as error:
+        raise ValueError("it does not say of which layers it is made") from error
+
+
+def _check_layers(architecture: Mapping[str, Any]) -> None:
+    """Raise ValueError for an architecture of anything but layers: Ultralytics would call whatever it names."""
+    from torch import nn  # noqa: PLC0415 - only the training needs it
+    from ultralytics.nn import modules  # noqa: PLC0415 - after load_ultralytics
+
+    for row in (*architecture["backbone"], *architecture["head"]):
+        name = str(row[2])
+        found = getattr(nn, name[3:], None) if name.startswith("nn.") else getattr(modules, name, None)
+        if not (isinstance(found, type) and issubclass(found, nn.Module)):
+            raise ValueError(f"it has {name[:40]} among its layers, which is none")  # noqa: TRY004 - as in a file
+
+
 def _tensors(layer: Any, prefix: str = "") -> Iterator[tuple[str, "torch.Tensor"]]:
     for name, tensor in {**layer._parameters, **layer._buffers}.items():  # noqa: SLF001 - torch's own names
         if tensor is not None and name not in layer._non_persistent_buffers_set:  # noqa: SLF001
@@ -152,11 +251,12 @@ def write_weights(checkpoint: Path, output: Path, imgsz: int, more: Mapping[str,
     """
     import torch  # noqa: PLC0415 - only the training needs it
 
-    arguments = {"task": "segment", "model": ARCHITECTURE, "imgsz": imgsz}
-    model: Any = Checkpoint.read(checkpoint).network().half()
+    trained = Checkpoint.read(checkpoint)
+    arguments = {"task": trained.task, "model": trained.architecture_name, "imgsz": imgsz}
+    model: Any = trained.network().half()
     model.requires_grad_(requires_grad=False)
     model.args, model.criterion, model.pt_path = dict(arguments), None, None
-    model.yaml["yaml_file"] = ARCHITECTURE
+    model.yaml["yaml_file"] = trained.architecture_name
     buffer = io.BytesIO()
     kept = {"epoch": -1, "model": model, "ema": None, "optimizer": None, "train_args": arguments, **(more or {})}
     torch.save(kept, buffer)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.training.files import TrainingError, keep_file
-from services.training.photographs import ALL_CLASSES, LabelledObject, Photograph
+from services.training.photographs import LabelledObject, Photograph
 
 SOURCE: Final = "collage"
 MOST_OBJECTS: Final = 4
@@ -68,14 +68,14 @@ def make_collages(folder: Path, photographs: Sequence[Photograph], count: int, s
     for number in range(count):
         image = _read(backgrounds[random.integers(len(backgrounds))].file)
         placed: list[LabelledObject] = []
-        labelled = ALL_CLASSES
+        unknown: frozenset[int] = frozenset()
         for _ in range(random.integers(1, MOST_OBJECTS + 1)):
             candidates = by_class[sorted(by_class)[random.integers(len(by_class))]]  # each class as often
             photograph, cut_out = candidates[random.integers(len(candidates))]
             if (pasted := _paste(image, _read(photograph.file), cut_out, placed, random)) is not None:
                 placed.append(pasted)
-                labelled &= photograph.known if cut_out.box_only else ALL_CLASSES
-        made.append(_kept(folder / f"{SOURCE}_{number:05d}.jpg", image, tuple(placed), labelled))
+                unknown |= photograph.unknown if cut_out.box_only else frozenset()
+        made.append(_kept(folder / f"{SOURCE}_{number:05d}.jpg", image, tuple(placed), unknown))
     return made
 
 
@@ -176,11 +176,11 @@ def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float,
 
 
 def _kept(
-    file: Path, image: _Image, objects: tuple[LabelledObject, ...], labelled: frozenset[int] = ALL_CLASSES
+    file: Path, image: _Image, objects: tuple[LabelledObject, ...], unknown: frozenset[int] = frozenset()
 ) -> Photograph:
     encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
     keep_file(file, encoded.tobytes())
-    return Photograph(file, SOURCE, objects, labelled)
+    return Photograph(file, SOURCE, objects, unknown=unknown)
 
 
 def _read(file: Path) -> _Image:

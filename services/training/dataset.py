@@ -1,8 +1,9 @@
 """Makes a YOLO segmentation data set from the simulated warehouse."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import cv2
@@ -22,6 +23,8 @@ SEEDS_PER_RUN: Final = 1_000_000
 HOLDOUT_OFFSET: Final = 500_000
 MIN_AREA: Final = 0.0004
 MIN_SIDE: Final = 5
+NO_NEW_NAMES: Final[Mapping[str, str]] = MappingProxyType({})
+WORLDS_NUMBERS: Final[Mapping[str, int]] = MappingProxyType({name: number for number, name in enumerate(CLASSES)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +45,25 @@ def holdout_seed(seed: int, index: int) -> int:
     return seed * SEEDS_PER_RUN + HOLDOUT_OFFSET + index
 
 
-def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, holdout: int, workers: int) -> Path:
-    """Write both splits and return the path of the data set's YAML; existing scenes are kept."""
+def write_dataset(
+    folder: Path,
+    progress: Progress,
+    *,
+    seed: int,
+    images: int,
+    holdout: int,
+    workers: int,
+    classes: Sequence[str] = CLASSES,
+    new_names: Mapping[str, str] = NO_NEW_NAMES,
+) -> Path:
+    """Write both splits and return the path of the data set's YAML; existing scenes are kept.
+
+    classes: names by number in the labels. new_names: of the world's classes, where they have others there; objects of
+    a class that is not among them get no label.
+    """
+    numbers = numbers_of(classes, new_names)
     jobs = [
-        (folder, split, seed_of(seed, index), min(VIEWS, count - index * VIEWS))
+        (folder, split, seed_of(seed, index), min(VIEWS, count - index * VIEWS), numbers)
         for split, count, seed_of in (("train", images, training_seed), ("val", holdout, holdout_seed))
         for index in range(-(-count // VIEWS))
     ]
@@ -54,7 +72,7 @@ def write_dataset(folder: Path, progress: Progress, *, seed: int, images: int, h
             (folder / kind / split).mkdir(parents=True, exist_ok=True)
     progress("render", 0, len(jobs))
     parallel.run(_write_scene, jobs, workers, lambda done: progress("render", done, len(jobs)))
-    names = "".join(f"  {index}: {name}\n" for index, name in enumerate(CLASSES))
+    names = "".join(f"  {index}: {name}\n" for index, name in enumerate(classes))
     description = folder / "dataset.yaml"
     description.write_text(f"path: {folder.resolve()}\ntrain: images/train\nval: images/val\nnames:\n{names}")
     return description
@@ -65,13 +83,19 @@ def rendered(dataset: Path) -> list[Path]:
     return sorted((dataset.parent / "images" / "train").glob("*.png"))
 
 
-def _write_scene(job: tuple[Path, str, int, int]) -> None:
+def numbers_of(classes: Sequence[str], new_names: Mapping[str, str] = NO_NEW_NAMES) -> dict[str, int]:
+    """Return the numbers of the world's classes among others, by the world's names; see `write_dataset`."""
+    named = {name: new_names.get(name, name) for name in CLASSES}
+    return {name: classes.index(new) for name, new in named.items() if new in classes}
+
+
+def _write_scene(job: tuple[Path, str, int, int, Mapping[str, int]]) -> None:
     """Write the views of one scene; the label file comes last and marks its view as complete."""
-    folder, split, seed, views = job
+    folder, split, seed, views, numbers = job
     names = [f"{seed:09d}-{view}" for view in range(views)]
     if all((folder / "labels" / split / f"{name}.txt").exists() for name in names):
         return
-    for name, (image, labels) in zip(names, views_of(seed, views), strict=True):
+    for name, (image, labels) in zip(names, views_of(seed, views, numbers), strict=True):
         _, png = cv2.imencode(".png", image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
         keep_file(folder / "images" / split / f"{name}.png", png.tobytes())
         height, width = image.shape[:2]
@@ -79,10 +103,12 @@ def _write_scene(job: tuple[Path, str, int, int]) -> None:
         keep_file(folder / "labels" / split / f"{name}.txt", "".join(lines).encode())
 
 
-def views_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], list[Label]]]:
-    """`count` pictures (RGB) of the scene of `seed` with their labels."""
+def views_of(
+    seed: int, count: int, numbers: Mapping[str, int] = WORLDS_NUMBERS
+) -> Iterator[tuple[NDArray[np.uint8], list[Label]]]:
+    """`count` pictures (RGB) of the scene of `seed` with their labels. numbers: of classes, by the world's names."""
     for image, truths in pictures_of(seed, count):
-        yield image, labels_of(truths)
+        yield image, labels_of(truths, numbers)
 
 
 def pictures_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], tuple[SeenObject, ...]]]:
@@ -95,13 +121,15 @@ def pictures_of(seed: int, count: int) -> Iterator[tuple[NDArray[np.uint8], tupl
         yield expose(view.rendering.color, Sensor.draw(rng), rng), truths
 
 
-def labels_of(objects: Iterable[SeenObject]) -> list[Label]:
-    """The objects in an image that are large enough to count."""
+def labels_of(objects: Iterable[SeenObject], numbers: Mapping[str, int] = WORLDS_NUMBERS) -> list[Label]:
+    """The objects in an image that have a number and are large enough to count."""
     labels = []
     for seen in objects:
+        if seen.name not in numbers:
+            continue
         polygon = outline(seen.mask.astype(np.uint8)) if seen.image_share >= MIN_AREA else None
         if polygon is not None and np.ptp(polygon, axis=0).min() >= MIN_SIDE:
-            labels.append(Label(CLASSES.index(seen.name), np.add(polygon, (seen.left, seen.top))))
+            labels.append(Label(numbers[seen.name], np.add(polygon, (seen.left, seen.top))))
     return labels
 
 

@@ -1,14 +1,16 @@
 """Runs the training: Ultralytics' trainer on our data set, from scratch, in stages, resumable."""
 
 import shutil
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from services.training.checkpoints import ARCHITECTURE, Checkpoint
 from services.training.parallel import Progress
 from services.training.settings import TrainingSettings
-from services.training.stages import TrainingStage, stages_of
+from services.training.stages import BestEpoch, Judge, TrainingStage, stages_of
 from services.training.trainer import load_ultralytics, quick_arithmetic, trainer_class
 
 AUGMENTATION: Final = {
@@ -44,22 +46,37 @@ MIXED_AUGMENTATION: Final = {
 """Photographs are few: they are varied more, and shown in mosaics."""
 
 
-def fit(settings: TrainingSettings, dataset: Path, progress: Progress, mix: Path | None = None) -> Path:
-    """Train every stage to its last epoch, resuming from an earlier checkpoint; return the last checkpoint's path.
+@dataclass(frozen=True, slots=True)
+class Material:
+    """The material of a run. rendered: the data set of rendered pictures; mix: that of these and photographs.
 
-    mix: the data set of photographs and rendered pictures, for the stage that is trained on both.
+    classes: names by number. begin: the weights to begin with, if any, which have these classes.
+    """
+
+    rendered: Path
+    mix: Path | None
+    classes: Sequence[str]
+    begin: Path | None = None
+
+
+def fit(settings: TrainingSettings, material: Material, progress: Progress, judge: Judge | None = None) -> Path:
+    """Train every stage to its last epoch, resuming from an earlier checkpoint; return the path of the checkpoint.
+
+    judge: says how good a checkpoint of the stage with photographs is; where `settings.patience` is not 0 its best one
+    is the result.
     """
     load_ultralytics(settings.work_dir / "ultralytics")
-    for cache in (cache for folder in (dataset.parent, settings.work_dir / "mix") for cache in folder.rglob("*.cache")):
+    folders = (material.rendered.parent, settings.work_dir / "mix")
+    for cache in (cache for folder in folders for cache in folder.rglob("*.cache")):
         cache.unlink()  # a pickle, which Ultralytics would execute
-    last = settings.start
+    last = material.begin
     for stage in stages_of(settings):
         checkpoint = stage.checkpoint(settings.work_dir)
         done = Checkpoint.read(checkpoint).epoch + 1 if checkpoint.exists() else 0
-        if done < stage.epochs:
-            data = mix if stage.mixed and mix is not None else dataset
-            _fit_stage(stage, checkpoint if done else last, settings, data, progress, resume=done > 0)
-        last = checkpoint
+        best = BestEpoch(checkpoint, settings.patience, judge) if stage.mixed and judge and settings.patience else None
+        if done < stage.epochs and not (best and best.waited_enough):
+            _fit_stage(stage, checkpoint if done else last, settings, material, progress, best=best, resume=done > 0)
+        last = best.checkpoint if best else checkpoint
     assert last is not None  # noqa: S101 - there is at least one stage
     return last
 
@@ -77,23 +94,28 @@ def _fit_stage(
     stage: TrainingStage,
     begin: Path | None,
     settings: TrainingSettings,
-    dataset: Path,
+    material: Material,
     progress: Progress,
     *,
+    best: BestEpoch | None,
     resume: bool,
 ) -> None:
     """Train a stage: with `resume` from its state, else from the weights in the checkpoint `begin`, or from scratch."""
     from ultralytics.models import YOLO  # noqa: PLC0415 - after load_ultralytics
 
-    arguments = _arguments(stage, settings, dataset)
+    mix = material.mix if stage.mixed else None
+    arguments = _arguments(stage, settings, mix or material.rendered)
     _remove(settings.work_dir / arguments["name"])  # Ultralytics would execute what is there
-    source = settings.work_dir / "begin.pt"
+    source, task = settings.work_dir / "begin.pt", "segment"
     if begin is not None:
-        Checkpoint.read(begin).write(source, {"task": "segment", "mode": "train", "model": ARCHITECTURE, **arguments})
-    model = YOLO(str(source if begin is not None else ARCHITECTURE), task="segment")
-    _watch(model, stage, settings, progress)
+        weights = Checkpoint.read(begin)
+        task = weights.task
+        weights.write(source, {"task": task, "mode": "train", "model": weights.architecture_name, **arguments})
+    model = YOLO(str(source if begin is not None else ARCHITECTURE), task=task)
+    _watch(model, stage, settings, progress, best)
+    trainer = trainer_class(masks=task == "segment", partly_labelled=material.classes if mix else ())
     with quick_arithmetic(settings.workers, device_name(settings)):
-        model.train(trainer=trainer_class(partial_labels=stage.mixed), resume=resume, **arguments)
+        model.train(trainer=trainer, resume=resume, **arguments)
     source.unlink(missing_ok=True)
 
 
@@ -125,6 +147,7 @@ def _arguments(stage: TrainingStage, settings: TrainingSettings, dataset: Path) 
         "warmup_epochs": 0.3,
         "warmup_bias_lr": 0.0,
         "amp": device != "cpu",
+        "freeze": settings.freeze if stage.mixed else 0,
         "val": False,
         "plots": False,
         "exist_ok": True,
@@ -133,7 +156,9 @@ def _arguments(stage: TrainingStage, settings: TrainingSettings, dataset: Path) 
     }
 
 
-def _watch(model: Any, stage: TrainingStage, settings: TrainingSettings, progress: Progress) -> None:
+def _watch(
+    model: Any, stage: TrainingStage, settings: TrainingSettings, progress: Progress, best: BestEpoch | None
+) -> None:
     """Report every batch, keep every epoch, and restore the thread count, which Ultralytics reduces to one."""
     import torch  # noqa: PLC0415 - only the training needs it
 
@@ -154,6 +179,11 @@ def _watch(model: Any, stage: TrainingStage, settings: TrainingSettings, progres
         partial = checkpoint.with_suffix(".part")
         shutil.copyfile(trainer.last, partial)
         partial.replace(checkpoint)
+        if best is not None:
+            with torch.autocast("cpu", enabled=False):
+                best.add(trainer.epoch)
+            torch.set_num_threads(settings.workers)
+            trainer.stop |= best.waited_enough
 
     def fall(trainer: Any) -> None:
         batches = len(trainer.train_loader)

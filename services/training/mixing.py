@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from services.training.files import TrainingError, keep_file
-from services.training.partial_labels import CODE_NAMES, LabelKind
+from services.training.partial_labels import LabelKind, code_names
 from services.training.photographs import Photograph
 
 MOST_REPEATS: Final = 4
@@ -30,29 +30,31 @@ NONE_MADE: Final = MadePictures()
 EVERYWHERE: Final = "0 0 1 0 1 1 0 1"
 
 
-def write_mix(folder: Path, photographs: Sequence[Photograph], rendered: Sequence[Path]) -> Path:
+def write_mix(
+    folder: Path, photographs: Sequence[Photograph], rendered: Sequence[Path], classes: Sequence[str]
+) -> Path:
     """Copy the photographs into `folder`, list them with the rendered pictures, and return the data set's YAML.
 
-    Photographs are listed as often as it takes to have about as many of them as rendered ones; those without any of the
-    classes come on top.
+    classes: names by number. Photographs are listed as often as it takes to have about as many of them as rendered
+    ones; those without any of the classes come on top.
 
     Raises:
         TrainingError: a photograph cannot be read, or a file cannot be written.
     """
     for kind in ("images", "labels"):
         (folder / kind).mkdir(parents=True, exist_ok=True)
-    copies = [_copied(folder, number, photograph) for number, photograph in enumerate(photographs)]
+    copies = [_copied(folder, number, photograph, len(classes)) for number, photograph in enumerate(photographs)]
     repeats = min(max(1, -(-len(rendered) // max(1, len(copies)))), MOST_REPEATS)
     empty = [copy for copy, each in zip(copies, photographs, strict=True) if each.empty]
     listed = "".join(f"{path.resolve()}\n" for path in [*(copies + empty * (EMPTY_REPEATS - 1)) * repeats, *rendered])
     keep_file(folder / "train.txt", listed.encode())
-    names = "".join(f"  {code}: {name}\n" for code, name in enumerate(CODE_NAMES))
+    names = "".join(f"  {code}: {name}\n" for code, name in enumerate(code_names(classes)))
     description = folder / "mix.yaml"
     keep_file(description, f"path: {folder.resolve()}\ntrain: train.txt\nval: train.txt\nnames:\n{names}".encode())
     return description
 
 
-def _copied(folder: Path, number: int, photograph: Photograph) -> Path:
+def _copied(folder: Path, number: int, photograph: Photograph, classes: int) -> Path:
     name = f"{number:06d}"
     copy = folder / "images" / f"{name}{photograph.file.suffix.lower()}"
     try:
@@ -60,14 +62,14 @@ def _copied(folder: Path, number: int, photograph: Photograph) -> Path:
     except OSError as error:
         raise TrainingError(f"{photograph.file}: {error.strerror or error}") from error
     keep_file(copy, content)
-    keep_file(folder / "labels" / f"{name}.txt", "".join(_lines(photograph)).encode())
+    keep_file(folder / "labels" / f"{name}.txt", "".join(_lines(photograph, classes)).encode())
     return copy
 
 
-def _lines(photograph: Photograph) -> Iterator[str]:
+def _lines(photograph: Photograph, classes: int) -> Iterator[str]:
     for each in photograph.objects:
         kind = LabelKind.BOX_ONLY if each.box_only else LabelKind.OBJECT
         polygon = " ".join(f"{value:.5f}" for value in each.polygon.ravel())
-        yield f"{kind.code(each.class_index)} {polygon}\n"
+        yield f"{kind.code(each.class_index, classes)} {polygon}\n"
     for unknown in sorted(photograph.unknown):
-        yield f"{LabelKind.UNKNOWN_REGION.code(unknown)} {EVERYWHERE}\n"
+        yield f"{LabelKind.UNKNOWN_REGION.code(unknown, classes)} {EVERYWHERE}\n"

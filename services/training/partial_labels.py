@@ -5,11 +5,9 @@ kind: a whole object, an object of which the box alone is known, or a region whe
 As labels, regions go through every augmentation (mosaics included) like objects; the loss then tells them apart.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Final
-
-from services.simulator.world import CLASSES
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import torch
@@ -22,22 +20,35 @@ class LabelKind(IntEnum):
     UNKNOWN_REGION = 1
     BOX_ONLY = 2
 
-    def code(self, class_index: int) -> int:
-        """Return the class index in the data set: `class_index + kind * number of classes`."""
-        return class_index + self * len(CLASSES)
+    def code(self, class_index: int, classes: int) -> int:
+        """Return the class index in the data set: `class_index + kind * classes`, of which there are so many."""
+        return class_index + self * classes
 
 
-CODE_NAMES: Final = [f"{name} {kind.name.lower()}" if kind else name for kind in LabelKind for name in CLASSES]
-"""The data set's names, in the order of the codes."""
+def code_names(classes: Sequence[str]) -> list[str]:
+    """Return the data set's names, in the order of the codes."""
+    return [f"{name} {kind.name.lower()}" if kind else name for kind in LabelKind for name in classes]
 
 
-def loss_class() -> type:
-    """Return the loss; call it after `load_ultralytics`."""
+def criterion(model: Any) -> Any:
+    """Return the loss of a model of Ultralytics', in both of its branches where it has two; see `loss_class`."""
+    from ultralytics.nn.modules import Segment  # noqa: PLC0415 - after load_ultralytics
+    from ultralytics.utils.loss import E2ELoss  # noqa: PLC0415
+
+    head = model.model[-1]
+    loss = loss_class(masks=isinstance(head, Segment))
+    return E2ELoss(model, loss) if getattr(head, "one2one_cv2", None) is not None else loss(model)
+
+
+def loss_class(*, masks: bool = True) -> type:
+    """Return the loss of models that find masks, or boxes alone; call it after `load_ultralytics`."""
     import torch  # noqa: PLC0415 - only the training needs it
-    from ultralytics.utils.loss import v8SegmentationLoss  # noqa: PLC0415 - after load_ultralytics
+    from ultralytics.utils.loss import v8DetectionLoss, v8SegmentationLoss  # noqa: PLC0415 - after load_ultralytics
 
-    class PartialLabelsLoss(v8SegmentationLoss):
-        """The segmentation loss, without the classes that a region leaves unknown and the masks that nobody drew.
+    plain_loss: Any = v8SegmentationLoss if masks else v8DetectionLoss
+
+    class PartialLabelsLoss(plain_loss):  # type: ignore[misc]
+        """Ultralytics' loss, without the classes that a region leaves unknown and the masks that nobody drew.
 
         Needs masks in separate planes (`overlap_mask=False`).
         """
@@ -48,8 +59,8 @@ def loss_class() -> type:
             whole = batch | _picked(batch, ~regions) | {"cls": batch["cls"][~regions] % self.nc}
             self._box_only = self._per_image(kinds[~regions] == LabelKind.BOX_ONLY, whole["batch_idx"], preds)
             known = self._known(_picked(batch, regions), preds)
-            plain: Any = self.bce
-            self.bce = _Masked(plain, known)  # type: ignore[assignment]
+            plain = vars(self)["bce"]
+            self.bce = _Masked(plain, known)
             try:
                 return super().loss(preds, whole)
             finally:

@@ -1,8 +1,9 @@
 """Reads folders of labelled photographs as training and test data.
 
-A folder holds `train` and `val` (or `test`), each with `images/*.jpg` and `labels/*.txt`: one object a line, the class
-(0 box, 1 pallet, 2 forklift) and its polygon, normalised. A file name up to its first "_" is the picture's source.
-Where a `data.yaml` names the classes, their numbers must be these. Two optional files say how far the labels go:
+A folder holds `train` and `val` (or `test`), each with `images/*.jpg` and `labels/*.txt`: one object a line, the number
+of its class and its polygon, normalised. A file name up to its first "_" is the picture's source. `data.yaml` names the
+classes by number; without it they are the simulated world's (0 box, 1 pallet, 2 forklift). Of a class that it does not
+name nobody knows whether the folder's pictures show it. Two optional files say how far the labels go:
 
 - `incomplete.txt`: a line for each source, separated by tabs: `NAME labelled=box absent=forklift unknown=pallet`.
   Objects of an unknown class may be in the pictures without a label, and count neither for nor against a prediction.
@@ -13,7 +14,7 @@ A third, `licences.txt`, goes into the model card: a line for each source, its l
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -27,11 +28,10 @@ from services.simulator.world import CLASSES
 from services.training.files import TrainingError
 
 TEST_SPLITS: Final = ("val", "test")
-ALL_CLASSES: Final = frozenset(range(len(CLASSES)))
 BOX_CORNERS: Final = 4
 
 SourceClasses = tuple[frozenset[int], frozenset[int]]
-"""The classes that a source labels, and those that are in none of its pictures."""
+"""The classes that are in none of a source's pictures, and those that may be there without a label."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,54 +51,57 @@ class LabelledObject:
 
 @dataclass(frozen=True, slots=True)
 class Photograph:
-    """A picture's file, its source, its objects, and the indices of classes as its source labels them.
+    """A picture's file, its source, its objects, and the indices of classes that its source does not label.
 
-    labelled: classes of which every object has a label. absent: classes that are in none of the pictures.
+    absent: classes that are in none of the pictures. unknown: classes that may be there without a label. Of all others
+    every object has one.
     """
 
     file: Path
     source: str
     objects: tuple[LabelledObject, ...]
-    labelled: frozenset[int] = ALL_CLASSES
     absent: frozenset[int] = frozenset()
-
-    @property
-    def known(self) -> frozenset[int]:
-        """The classes that its labels are complete for."""
-        return self.labelled | self.absent
+    unknown: frozenset[int] = frozenset()
 
     @property
     def empty(self) -> bool:
         """Whether none of the classes is in it."""
-        return not self.objects and self.known == ALL_CLASSES
-
-    @property
-    def unknown(self) -> frozenset[int]:
-        return ALL_CLASSES - self.known
+        return not self.objects and not self.unknown
 
 
 @dataclass(frozen=True, slots=True)
 class PhotographData:
-    """The photographs of folders, to train and to test on, and the licence of each source in words."""
+    """The photographs of folders, to train and to test on, their classes, and the licence of each source in words."""
 
     training: list[Photograph]
     tests: list[Photograph]
+    classes: tuple[str, ...]
     licences: dict[str, str]
 
 
 def read_data(folders: Sequence[Path]) -> PhotographData:
-    """Read folders of photographs.
+    """Read folders of photographs; without any, the classes are the simulated world's.
 
     Raises:
         TrainingError: one has nothing to train or to test on, or something there cannot be read.
     """
-    training = [each for folder in folders for each in read_photographs(folder, "train")]
-    tests = [each for folder in folders for each in read_photographs(folder, *TEST_SPLITS)]
+    classes = classes_of(folders)
+    training = [each for folder in folders for each in read_photographs(folder, "train", classes=classes)]
+    tests = [each for folder in folders for each in read_photographs(folder, *TEST_SPLITS, classes=classes)]
     for each in tests:
         if not cv2.haveImageReader(str(each.file)):
             raise TrainingError(f"{each.file}: not a picture that can be read")
     licences = {source: text for folder in folders for source, text in read_licences(folder).items()}
-    return PhotographData(training, tests, licences)
+    return PhotographData(training, tests, classes, licences)
+
+
+def classes_of(folders: Sequence[Path]) -> tuple[str, ...]:
+    """Return the names of all classes of folders, each once; their places are the classes' indices.
+
+    Raises:
+        TrainingError: a data.yaml names none, or one twice.
+    """
+    return tuple(dict.fromkeys(name for folder in folders for name in _names(folder))) or CLASSES
 
 
 def doubts_of(folders: Sequence[Path]) -> Iterator[str]:
@@ -120,31 +123,43 @@ def doubts_of(folders: Sequence[Path]) -> Iterator[str]:
             yield f"{folder}: of {len(files)} pictures {', '.join(doubts)}; see fleetsight labels check {folder}"
 
 
-def read_photographs(folder: Path, *splits: str) -> list[Photograph]:
+def read_photographs(folder: Path, *splits: str, classes: Sequence[str] | None = None) -> list[Photograph]:
     """Return the photographs of these splits of a folder, in the order of their names.
 
+    classes: in the order of their indices, the folder's own among them, which they are by default.
+
     Raises:
-        TrainingError: the folder has none of the splits or no picture there, its classes have other numbers, or a line
-            of a file cannot be read.
+        TrainingError: the folder has none of the splits or no picture there, or a line of a file cannot be read.
     """
-    _check_names(folder / NAMES)
-    known = _source_classes(folder / "incomplete.txt")
+    names = _names(folder)
+    classes = names if classes is None else classes
+    indices = [classes.index(name) for name in names]
+    others = frozenset(range(len(classes))).difference(indices)
+    known = _source_classes(folder / "incomplete.txt", classes)
     boxes_only = _boxes_only(folder / "boxes_only.txt")
     files = images_in(folder, *splits)
     if not files:
         wanted = " or ".join(f"{split}/images" for split in splits)
         raise TrainingError(f"{folder}: no pictures in {wanted}; name a folder of photographs with labels")
-    return [_photograph(file, known, file.name in boxes_only) for file in files]
+    found = []
+    for file in files:
+        source = file.name.split("_", 1)[0]
+        labels = labels_of(file)
+        lines = _objects(labels, indices, box_only=file.name in boxes_only) if labels.exists() else ()
+        found.append(Photograph(file, source, tuple(lines), *known.get(source, (frozenset(), others))))
+    return found
 
 
-def _check_names(file: Path) -> None:
+def _names(folder: Path) -> tuple[str, ...]:
+    """Return a folder's classes by number."""
+    file = folder / NAMES
     try:
         names = names_in(file)
     except (DatasetError, OSError) as error:
         raise TrainingError(str(error)) from error
-    if any(name != own for name, own in zip(names, CLASSES, strict=False)):
-        wanted = ", ".join(f"{code}: {name}" for code, name in enumerate(CLASSES))
-        raise TrainingError(f"{file}: other classes than {wanted}; train on those with Ultralytics")
+    if file.exists() and len({*names}) < max(len(names), 1):
+        raise TrainingError(f"{file}: names no class, or one twice; give each number a name of its own")
+    return tuple(names) or CLASSES
 
 
 def read_licences(folder: Path) -> dict[str, str]:
@@ -165,23 +180,18 @@ def read_licences(folder: Path) -> dict[str, str]:
     return found
 
 
-def _photograph(file: Path, known: Mapping[str, SourceClasses], box_only: bool) -> Photograph:  # noqa: FBT001 - a fact
-    source = file.name.split("_", 1)[0]
-    labels = labels_of(file)
-    objects = tuple(_objects(labels, box_only=box_only)) if labels.exists() else ()
-    return Photograph(file, source, objects, *known.get(source, (ALL_CLASSES, frozenset())))
-
-
-def _objects(labels: Path, *, box_only: bool) -> Iterator[LabelledObject]:
+def _objects(labels: Path, indices: Sequence[int], *, box_only: bool) -> Iterator[LabelledObject]:
+    """Yield the objects of a file of labels. indices: of the classes, by the numbers that they have there."""
     for number, line in enumerate(_lines(labels), start=1):
         try:
             index, *values = line.split()
             polygon = np.array([float(value) for value in values]).reshape(-1, 2)
-            class_index = int(index)
+            number_of_class = int(index)
         except ValueError as error:
             raise TrainingError(f"{labels}, line {number}: not a class and a polygon of x y pairs") from error
-        if class_index not in ALL_CLASSES or len(polygon) < 2 or not np.isfinite(polygon).all():
-            raise TrainingError(f"{labels}, line {number}: not one of {len(CLASSES)} classes with a polygon")
+        if number_of_class not in range(len(indices)) or len(polygon) < 2 or not np.isfinite(polygon).all():
+            raise TrainingError(f"{labels}, line {number}: not one of {len(indices)} classes with a polygon")
+        class_index = indices[number_of_class]
         if len(polygon) == 2:  # class, centre, size: the detection form
             polygon = _corners(*polygon[0], *polygon[1])
             yield LabelledObject(class_index, polygon, box_only=True)
@@ -194,21 +204,21 @@ def _corners(x: float, y: float, width: float, height: float) -> NDArray[np.floa
     return np.array([(left, top), (right, top), (right, bottom), (left, bottom)]).clip(0, 1)
 
 
-def _source_classes(file: Path) -> dict[str, SourceClasses]:
-    """Return the labelled and the absent classes of each source; sources without a line label all of them."""
+def _source_classes(file: Path, classes: Sequence[str]) -> dict[str, SourceClasses]:
+    """Return the absent and the unknown classes of each source that has a line."""
     if not file.exists():
         return {}
-    return dict(_source(file, line) for line in _lines(file) if line.strip() and not line.startswith("#"))
+    return dict(_source(file, line, classes) for line in _lines(file) if line.strip() and not line.startswith("#"))
 
 
-def _source(file: Path, line: str) -> tuple[str, SourceClasses]:
+def _source(file: Path, line: str, classes: Sequence[str]) -> tuple[str, SourceClasses]:
     source, *fields = line.split("\t")
     lists = dict(field.strip().partition("=")[::2] for field in fields)
     names = {key: [name for name in lists.get(key, "").split(",") if name] for key in ("labelled", "absent", "unknown")}
-    if unheard := sorted({name for each in names.values() for name in each} - {*CLASSES}):
-        raise TrainingError(f"{file}: {source}: no class {unheard[0]!r}; there are {', '.join(CLASSES)}")
-    labelled, absent = (frozenset(map(CLASSES.index, names[key])) for key in ("labelled", "absent"))
-    return source.strip(), (labelled, absent)
+    if unheard := sorted({name for each in names.values() for name in each} - {*classes}):
+        raise TrainingError(f"{file}: {source}: no class {unheard[0]!r}; there are {', '.join(classes)}")
+    labelled, absent = (frozenset(map(classes.index, names[key])) for key in ("labelled", "absent"))
+    return source.strip(), (absent, frozenset(range(len(classes))) - labelled - absent)
 
 
 def _boxes_only(file: Path) -> frozenset[str]:

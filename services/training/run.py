@@ -1,58 +1,30 @@
 """The whole run: render, train, strip, evaluate, write the card."""
 
+import logging
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
 
-from services.training.card import Figures, effort_so_far, metered, model_card
+from services.simulator.world import CLASSES
+from services.training.card import model_card
 from services.training.checkpoints import Checkpoint, write_weights
 from services.training.collages import PLAIN_SHARE, make_collages, make_plain
-from services.training.dataset import VIEWS, holdout_seed, rendered, write_dataset
-from services.training.evaluation.class_lists import ListScore
-from services.training.evaluation.mistakes import Mistakes
-from services.training.evaluation.near_objects import near_figures
-from services.training.evaluation.photographs import PhotographScore, score_photographs
-from services.training.evaluation.precision import MaskScore
-from services.training.evaluation.predictor import CONFIDENCE, LOWEST_CONFIDENCE, Predictor, PredictorLoader
-from services.training.evaluation.scenes import HeldOutView, held_out_seeds, held_out_views
-from services.training.files import TrainingError, first_line
-from services.training.fitting import device_name, fit
+from services.training.dataset import numbers_of, rendered, write_dataset
+from services.training.evaluation.predictor import PredictorLoader
+from services.training.evaluation.run import evaluate, judge_on
+from services.training.files import TrainingError, effort_so_far, first_line, metered
+from services.training.fitting import Material, device_name, fit
 from services.training.mixing import NONE_MADE, MadePictures, write_mix
 from services.training.parallel import Progress
-from services.training.photographs import Photograph, PhotographData, read_data
+from services.training.photographs import PhotographData, read_data
 from services.training.refining.fitting import CHECKPOINT, kept_state
 from services.training.refining.refinement import Refinement
-from services.training.refining.run import refine
+from services.training.refining.run import NO_REFINER, refine
 from services.training.settings import DECISIVE, TrainingSettings
 from services.training.stages import stages_of
 from services.training.trainer import load_ultralytics
 
-
-@dataclass(frozen=True, slots=True)
-class HeldOutScore:
-    """The processed images, scored as masks and as class lists."""
-
-    masks: MaskScore = field(default_factory=MaskScore)
-    lists: ListScore = field(default_factory=ListScore)
-
-
-def scored(views: Iterable[HeldOutView], predict: Predictor, report: Callable[[int], None]) -> HeldOutScore:
-    """Run `predict`, which returns even the least likely detections, on each image, and report progress."""
-    score = HeldOutScore()
-    for done, view in enumerate(views, start=1):
-        image = view.image()
-        found = predict(image)
-        score.masks.add((image.shape[0], image.shape[1]), view.truths, found)
-        score.lists.add(view.truths, found)
-        report(done)
-    return score
-
-
-DRIVES: Final = 20
-FRAMES_PER_DRIVE: Final = 24
+log = logging.getLogger(__name__)
 
 
 def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader, refinement: Refinement) -> None:
@@ -71,25 +43,69 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
     _claim(work_dir, settings)
     _check_checkpoints(settings)
     photographs = read_data(settings.data)
+    classes = photographs.classes
+    drawn = bool(numbers_of(classes, settings.class_names))
+    start = _start(settings, classes)
     record = work_dir / "effort.json"
     with metered(record):
+        # Where the simulator has none of the classes, its objects may look like them all the same.
         dataset = write_dataset(
             work_dir / "data",
             progress,
             seed=settings.seed,
-            images=settings.images,
-            holdout=settings.holdout,
+            images=settings.images if drawn else 0,
+            holdout=settings.holdout if drawn else 0,
             workers=settings.workers,
+            classes=classes,
+            new_names=settings.class_names,
         )
         mix, made = _mixed(settings, photographs, rendered(dataset)) if settings.data else (None, NONE_MADE)
-        checkpoint, unrefined = _averaged(settings, fit(settings, dataset, progress, mix)), work_dir / "unrefined.pt"
+        material = Material(dataset, mix, classes, start)
+        trained = fit(settings, material, progress, judge_on(photographs, settings, progress, load))
+        checkpoint, unrefined = _averaged(settings, trained, start), work_dir / "unrefined.pt"
         write_weights(checkpoint, unrefined, settings.imgsz)
-        refined = refine(settings, unrefined, refinement, progress)
+        refined = refine(settings, unrefined, refinement, progress) if classes == CLASSES else NO_REFINER
         write_weights(checkpoint, settings.output, settings.imgsz, refined.kept)
     with metered(record):
         figures = evaluate(settings, progress, load, photographs, unrefined if refined.kept else None)
     card = model_card(settings, figures, effort_so_far(record), refined.objects, made)
     settings.output.with_suffix(".md").write_text(card)
+
+
+def _start(settings: TrainingSettings, classes: Sequence[str]) -> Path | None:
+    """Return the weights to begin with, if any, changed so that they have these classes.
+
+    Raises:
+        TrainingError: a class to be renamed is not there, or there is nothing to learn the classes from.
+    """
+    given = None if settings.start is None else _read_checkpoint(settings.start, "name weights of Ultralytics'")
+    known = {*CLASSES, *(given.classes if given else ())}
+    for old, new in settings.class_names.items():
+        if old not in known:
+            raise TrainingError(f"--class-names: no class {old!r}; there are {', '.join(sorted(known))}")
+        if new not in classes:
+            raise TrainingError(f"--class-names {old}={new}: no data.yaml names {new!r}; those do {', '.join(classes)}")
+    if given is None:
+        if not numbers_of(classes, settings.class_names):
+            raise TrainingError(f"the simulator has none of {', '.join(classes)}: name weights to begin with by --from")
+        return None
+    log.info("%s", _told(given.classes, classes, settings.class_names))
+    import torch  # noqa: PLC0415 - only the training needs it
+
+    torch.manual_seed(settings.seed)
+    changed = settings.work_dir / "start.pt"
+    given.with_classes(classes, settings.class_names).write(changed, {})
+    return changed
+
+
+def _told(before: Sequence[str], after: Sequence[str], new_names: Mapping[str, str]) -> str:
+    """Say which classes a model gets, and which it had."""
+    named = {new_names.get(name, name): name for name in before}
+    new = [name for name in after if name not in named]
+    left_out = [name for new_name, name in named.items() if new_name not in after]
+    told = f"classes: {', '.join(after)}"
+    told += f"; new: {', '.join(new)}" if new else ""
+    return told + (f"; left out, as no data.yaml names them: {', '.join(left_out)}" if left_out else "")
 
 
 def _mixed(
@@ -99,64 +115,18 @@ def _mixed(
     folder = settings.work_dir / "made"
     collages = make_collages(folder, photographs.training, settings.collages, settings.seed)
     plain = make_plain(folder, settings.collages // PLAIN_SHARE, settings.seed)
-    mix = write_mix(settings.work_dir / "mix", [*photographs.training, *collages, *plain], rendered_pictures)
+    pictures = [*photographs.training, *collages, *plain]
+    mix = write_mix(settings.work_dir / "mix", pictures, rendered_pictures, photographs.classes)
     return mix, MadePictures(sum(bool(each.objects) for each in collages), len(plain))
 
 
-def _averaged(settings: TrainingSettings, checkpoint: Path) -> Path:
+def _averaged(settings: TrainingSettings, checkpoint: Path, start: Path | None) -> Path:
     """Average a checkpoint with the weights that the run began with, as far as these are to be kept."""
-    if settings.start is None or not settings.keep:
+    if start is None or not settings.keep:
         return checkpoint
     averaged = settings.work_dir / "averaged.pt"
-    Checkpoint.read(checkpoint).averaged(Checkpoint.read(settings.start), settings.keep).write(averaged, {})
+    Checkpoint.read(checkpoint).averaged(Checkpoint.read(start), settings.keep).write(averaged, {})
     return averaged
-
-
-def evaluate(
-    settings: TrainingSettings,
-    progress: Progress,
-    load: PredictorLoader,
-    photographs: PhotographData,
-    unrefined: Path | None = None,
-) -> Figures:
-    """Evaluate the weights at `settings.output` on unseen scenes, and on the photographs to test on, if any.
-
-    unrefined: the same without what refines their masks, if there is such a thing.
-    """
-    load_at = partial(load, device=device_name(settings), folder=settings.work_dir / "ultralytics")
-    seeds = held_out_seeds(settings.seed, settings.holdout)
-
-    def score(weights: Path, stage: str) -> HeldOutScore:
-        views = held_out_views(settings.work_dir, seeds, settings.workers, progress)
-        predict = load_at(weights, confidence=LOWEST_CONFIDENCE)
-        return scored(views, predict, lambda done: progress(stage, done, len(seeds)))
-
-    found = score(settings.output, "evaluate")
-    before = None if unrefined is None else score(unrefined, "evaluate unrefined").masks.figures().overall
-    drives = min(DRIVES, settings.holdout)
-    tests = photographs.tests
-    predict = load_at(settings.output, confidence=CONFIDENCE)
-    pictures = _on_photographs(settings, tests, predict, progress) if tests else {}
-    near = near_figures(
-        predict,
-        [holdout_seed(settings.seed, settings.holdout // VIEWS + 1 + index) for index in range(drives)],
-        FRAMES_PER_DRIVE,
-        lambda done: progress("drive", done, drives),
-    )
-    return Figures(found.masks.figures(), found.lists.figures(CONFIDENCE), near, before, pictures, photographs.licences)
-
-
-def _on_photographs(
-    settings: TrainingSettings, tests: Sequence[Photograph], predict: Predictor, progress: Progress
-) -> Mapping[str, PhotographScore]:
-    """Return the scores on photographs, and write the page of mistakes in them beside the weights."""
-    mistakes = Mistakes()
-    scores = score_photographs(
-        tests, predict, lambda done: progress("photographs", done, len(tests)), look=mistakes.add
-    )
-    page = mistakes.page(settings.output.stem, scores)
-    settings.output.with_suffix(".html").write_text(page, encoding="utf-8")
-    return scores
 
 
 def _check_folder(option: str, named: Path, folder: Path) -> None:
@@ -191,16 +161,14 @@ def _claim(work_dir: Path, settings: TrainingSettings) -> None:
 
 def _check_checkpoints(settings: TrainingSettings) -> None:
     """Check in advance for errors that would otherwise occur after hours."""
-    if settings.start is not None:
-        _check_checkpoint(settings.start)
     for stage in stages_of(settings):
-        _check_checkpoint(stage.checkpoint(settings.work_dir))
+        if (checkpoint := stage.checkpoint(settings.work_dir)).exists():
+            _read_checkpoint(checkpoint, "remove it")
     kept_state(settings.work_dir / CHECKPOINT)
 
 
-def _check_checkpoint(checkpoint: Path) -> None:
+def _read_checkpoint(checkpoint: Path, cure: str) -> Checkpoint:
     try:
-        if checkpoint.exists():
-            Checkpoint.read(checkpoint)
+        return Checkpoint.read(checkpoint)
     except Exception as error:
-        raise TrainingError(f"{checkpoint}: not a checkpoint ({first_line(error)}); remove it") from error
+        raise TrainingError(f"{checkpoint}: not a checkpoint ({first_line(error)}); {cure}") from error

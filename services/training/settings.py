@@ -22,6 +22,9 @@ DECISIVE: Final = {
     "data_epochs",
     "data_rate",
     "keep",
+    "freeze",
+    "patience",
+    "class_names",
     "start",
 }
 """The settings that determine the weights and their metrics on any machine."""
@@ -80,7 +83,26 @@ class TrainingSettings(BaseModel):
     start: Path | None = Field(
         default=None,
         alias="from",
-        description="weights of this architecture to begin with, instead of from scratch; needs --data",
+        description="weights to begin with, instead of from scratch: the shipped ones, or others of Ultralytics' that"
+        " find boxes or masks; needs --data",
+    )
+    class_names: dict[str, str] = Field(
+        default={},
+        description="other names for classes of the simulator and of the weights to begin with, such as"
+        " 'box=parcel,pallet=skid', where the photographs' data.yaml has those",
+    )
+    freeze: int = Field(
+        default=0,
+        ge=0,
+        le=100,
+        description="first layers of the model to leave as they are in that stage: faster, and less is forgotten and"
+        " learned; 11 are yolo11's backbone",
+    )
+    patience: int = Field(
+        default=0,
+        ge=0,
+        description="end that stage when the photographs in val or test have fared no better for so many epochs, and"
+        " take the best epoch; 0 for all of --data-epochs",
     )
     keep: float = Field(
         default=0.0,
@@ -110,6 +132,8 @@ class TrainingSettings(BaseModel):
             raise ValueError("--from: nothing new to train on; name a folder of photographs with --data")
         if self.keep and self.start is None:
             raise ValueError("--keep: there are no weights to keep a share of; name them with --from")
+        if self.class_names and not self.data:
+            raise ValueError("--class-names: the simulator's names are those of its pictures; name folders with --data")
         return self
 
     @field_validator("output")

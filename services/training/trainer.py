@@ -2,23 +2,28 @@
 
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from services.simulator.world import CLASSES
-from services.training.partial_labels import loss_class
+from services.training.partial_labels import criterion
 
 
-def trainer_class(*, partial_labels: bool = False) -> type:
-    """The trainer; import it after `load_ultralytics`. partial_labels: for a data set whose classes are codes."""
+def trainer_class(*, masks: bool = True, partly_labelled: Sequence[str] = ()) -> type:
+    """The trainer of models that find masks, or boxes alone; call it after `load_ultralytics`.
+
+    partly_labelled: the model's classes, where those of the data set are codes of theirs (`partial_labels`).
+    """
     import torch  # noqa: PLC0415 - only the training needs it
+    from ultralytics.models.yolo.detect import DetectionTrainer  # noqa: PLC0415 - after load_ultralytics
     from ultralytics.models.yolo.segment import SegmentationTrainer  # noqa: PLC0415 - after load_ultralytics
 
-    class Trainer(SegmentationTrainer):
+    plain_trainer: Any = SegmentationTrainer if masks else DetectionTrainer
+
+    class Trainer(plain_trainer):  # type: ignore[misc]
         """Never validates: we evaluate the final file ourselves."""
 
         def final_eval(self) -> None:
@@ -39,15 +44,15 @@ def trainer_class(*, partial_labels: bool = False) -> type:
                 group.update(fused=True, foreach=False)
             return optimizer
 
-    return _partly_labelled(Trainer) if partial_labels else Trainer
+    return _partly_labelled(Trainer, partly_labelled) if partly_labelled else Trainer
 
 
-def _partly_labelled(trainer: Any) -> type:
-    """Return a trainer for the world's classes on a data set with `partial_labels` codes."""
+def _partly_labelled(trainer: Any, classes: Sequence[str]) -> type:
+    """Return a trainer for some classes on a data set with `partial_labels` codes."""
 
     class PartialLabelsTrainer(trainer):  # type: ignore[misc]
         def get_model(self, *args: Any, **options: Any) -> Any:
-            codes, self.data["nc"] = self.data["nc"], len(CLASSES)
+            codes, self.data["nc"] = self.data["nc"], len(classes)
             try:
                 return super().get_model(*args, **options)
             finally:
@@ -55,11 +60,11 @@ def _partly_labelled(trainer: Any) -> type:
 
         def set_model_attributes(self) -> None:
             super().set_model_attributes()
-            self.model.nc, self.model.names = len(CLASSES), dict(enumerate(CLASSES))
+            self.model.nc, self.model.names = len(classes), dict(enumerate(classes))
 
         def _setup_train(self, *args: Any, **options: Any) -> None:
             super()._setup_train(*args, **options)
-            self.model.criterion = loss_class()(self.model)
+            self.model.criterion = criterion(self.model)
 
     return PartialLabelsTrainer
 

@@ -23,11 +23,14 @@ from services.detector.runtime.loading import load_all
 from services.detector.settings import DetectorSettings
 from services.detector.stills import StillError, frame_of
 from services.geometry.errors import MaskError
-from services.toolbox.detect.nothing_found import asking_for_anything, why_nothing
 from services.toolbox.detect.settings import DetectSettings
 
 FAILED: Final = 1
 ANSWERED_BY: Final = "local"
+LEAST: Final = 0.001
+"""Score from which a model that found nothing tells whatever it takes to be possible."""
+
+MOST_NAMED: Final = 5
 
 
 async def run(settings: DetectSettings) -> int:
@@ -60,8 +63,8 @@ async def _locally(settings: DetectSettings, image: bytes) -> Detections:
     frame = await asyncio.to_thread(frame_of, image)  # a file that is no image costs nobody the loading of a model
     found = await _by_a_model(settings.of_model, frame)
     if not found.objects:
-        anything = await _by_a_model(asking_for_anything(settings.of_model), frame)
-        sys.stderr.write(f"fleetsight detect: {why_nothing(settings, anything)}\n")
+        anything = await _by_a_model(_asking_for_anything(settings.of_model), frame)
+        sys.stderr.write(f"fleetsight detect: {_why_nothing(settings, anything)}\n")
     return found
 
 
@@ -130,3 +133,33 @@ def _row(found: Detection) -> tuple[str, ...]:
         f"{found.score:.2f}",
         *(str(round(edge)) for edge in (box.x1, box.y1, box.x2, box.y2)),
     )
+
+
+def _asking_for_anything(settings: DetectorSettings) -> DetectorSettings:
+    """Return the same settings with which a model tells whatever it takes to be possible, of any class."""
+    return settings.model_copy(update={"confidence": LEAST, "class_confidence": [], "classes": [], "refine": False})
+
+
+def _why_nothing(settings: DetectSettings, anything: Detections) -> str:
+    """Return in one line why nothing was found. anything: what the model finds when asked for anything."""
+    best: dict[str, float] = {}
+    for found in anything.objects:
+        best[found.name] = max(best.get(found.name, 0.0), found.score)
+    size = f"an image of {anything.width} x {anything.height} pixels"
+    if settings.image_size:
+        size += f", scaled to {settings.image_size} (--image-size)"
+    if not best:
+        return f"nothing found, however unsure, in {size}: does the model know what is in it?"
+    likeliest = sorted(best.items(), key=lambda each: -each[1])[:MOST_NAMED]
+    said = ", ".join(f"{printable(name)} {_against(settings, name, score)}" for name, score in likeliest)
+    return f"nothing found in {size}; the best scores are {said}"
+
+
+def _against(settings: DetectSettings, name: str, score: float) -> str:
+    """Return a score, and the setting that keeps it from being reported."""
+    if settings.classes and name not in settings.classes:
+        return f"{score:.2f} (not among --classes)"
+    needed = settings.confidences.get(name)
+    if needed is not None:
+        return f"{score:.2f} (--class-confidence {needed:g})"
+    return f"{score:.2f} (--confidence {settings.confidence:g})"

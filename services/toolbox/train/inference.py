@@ -33,16 +33,21 @@ Follow = Callable[[Iterable[NDArray[np.uint8]], float], Sequence[Sequence[Detect
 
 
 def open_weights(
-    weights: Path, *, confidence: float, device: str | None, folder: Path, runtime: str = "torch"
+    weights: Path,
+    *,
+    confidence: float,
+    device: str | None,
+    folder: Path,
+    any_model: bool = False,
+    runtime: str = "torch",
 ) -> Predictor:
     """Load `weights` as a detector does, for one thread and a runtime; see `PredictorLoader`.
 
     Raises:
-        ModelError: no model, or none that finds masks of the simulated world's classes.
+        ModelError: no model, or, unless any will do, none that finds masks of the simulated world's classes.
     """
-    model = open_model(
-        weights, device, folder=folder, confidence=confidence, max_detections=MAX_DETECTIONS, runtime=runtime
-    )
+    settings = _settings(weights, device, confidence=confidence, max_detections=MAX_DETECTIONS, runtime=runtime)
+    model = load(settings, folder) if any_model else _loaded(settings, folder)
 
     def predict(image: NDArray[np.uint8]) -> Sequence[Detection]:
         (outcome,) = model.run([Request(CAMERA, framed(image), masks=True)])

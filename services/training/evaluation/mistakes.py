@@ -51,21 +51,24 @@ class Pair:
         return self.predicted is not None and self.predicted.name == self.labelled
 
 
-def pairs(photograph: Photograph, found: Sequence[Detection], width: int, height: int) -> Iterator[Pair]:
+def pairs(
+    photograph: Photograph, found: Sequence[Detection], width: int, height: int, classes: Sequence[str] = CLASSES
+) -> Iterator[Pair]:
     """Yield all labels and predictions of a picture in pairs, one to one; first the predictions, the best scores first.
 
     A prediction belongs to a label that it overlaps with an IoU of at least MATCHING_IOU, before all to one of its own
     class. Those alone that are of a class that the picture's source does not know are left out: they may be right.
     """
     scale = np.array((width, height, width, height))
-    left = [(CLASSES[each.class_index], np.array(each.box) * scale) for each in photograph.objects]
+    unknown = {classes[index] for index in photograph.unknown}
+    left = [(classes[each.class_index], np.array(each.box) * scale) for each in photograph.objects]
     for each in found:
         box = np.array((each.box.x1, each.box.y1, each.box.x2, each.box.y2))
         near = [(name == each.name, box_iou(box, at), place) for place, (name, at) in enumerate(left)]
         if near := [entry for entry in near if entry[1] >= MATCHING_IOU]:
             name, at = left.pop(max(near)[2])
             yield Pair(name, each, at)
-        elif CLASSES.index(each.name) in photograph.known:
+        elif each.name not in unknown:
             yield Pair(None, each, box)
     for name, at in left:
         yield Pair(name, None, at)
@@ -83,9 +86,10 @@ class _Kept:
 
 
 class Mistakes:
-    """Gathers what was wrong in each picture; keeps the worst pictures."""
+    """Gathers what was wrong in each picture; keeps the worst pictures. classes: in the order of their indices."""
 
-    def __init__(self, shown: int = SHOWN) -> None:
+    def __init__(self, classes: Sequence[str] = CLASSES, shown: int = SHOWN) -> None:
+        self._classes = classes
         self.confusion: Counter[tuple[str, str]] = Counter()
         self._shown = shown
         self._worst: list[_Kept] = []
@@ -94,7 +98,7 @@ class Mistakes:
     def add(self, photograph: Photograph, image: Pixels, found: Sequence[Detection]) -> None:
         """Take in one picture (height x width x 3, RGB) with its predictions, the best scores first."""
         height, width = image.shape[:2]
-        all_pairs = list(pairs(photograph, found, width, height))
+        all_pairs = list(pairs(photograph, found, width, height, self._classes))
         self.confusion.update((each.labelled or NOTHING, _named(each.predicted)) for each in all_pairs)
         wrong = [each for each in all_pairs if not each.right]
         if not wrong or (len(self._worst) == self._shown and len(wrong) <= self._worst[0].mistakes):
@@ -111,7 +115,7 @@ class Mistakes:
             for name, score in of_source.classes.items()
             if score.labelled
         ]
-        predicted = (*CLASSES, NOTHING)
+        predicted = (*self._classes, NOTHING)
         cells: dict[tuple[str, str], object] = {**self.confusion, (NOTHING, NOTHING): ""}
         confused = [(labelled, *(cells.get((labelled, name), 0) for name in predicted)) for labelled in predicted]
         return _PAGE.format(

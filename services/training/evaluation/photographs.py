@@ -40,28 +40,36 @@ class ClassScore:
 
 @dataclass(slots=True)
 class PhotographScore:
-    """Scores by class, over sources that label it, and the false alarms on pictures without any of the classes."""
+    """Scores by class, over sources that label it, and the false alarms on pictures without any of the classes.
 
+    names: the classes, in the order of their indices.
+    """
+
+    names: Sequence[str] = CLASSES
     pictures: int = 0
-    classes: dict[str, ClassScore] = field(default_factory=lambda: {name: ClassScore() for name in CLASSES})
+    classes: dict[str, ClassScore] = field(init=False)
     empty_pictures: int = 0
     false_alarms: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        self.classes = {name: ClassScore() for name in self.names}
 
     def add(self, photograph: Photograph, found: Sequence[Detection], width: int, height: int) -> None:
         """Count one picture's predictions."""
         self.pictures += 1
-        if not photograph.objects and len(photograph.absent) == len(CLASSES):
+        if not photograph.objects and len(photograph.absent) == len(self.names):
             self.empty_pictures += 1
             self.false_alarms.update(each.name for each in found)
-        for index in photograph.labelled:
-            self._count(photograph, index, [each for each in found if each.name == CLASSES[index]], width, height)
+        for index, name in enumerate(self.names):
+            if index not in photograph.absent | photograph.unknown:
+                self._count(photograph, index, [each for each in found if each.name == name], width, height)
 
     def _count(self, photograph: Photograph, index: int, found: Sequence[Detection], width: int, height: int) -> None:
         scale = np.array((width, height, width, height))
         labels = [np.array(each.box) * scale for each in photograph.objects if each.class_index == index]
         boxes = [np.array((each.box.x1, each.box.y1, each.box.x2, each.box.y2)) for each in found]
         matched = matches(labels, boxes)
-        score = self.classes[CLASSES[index]]
+        score = self.classes[self.names[index]]
         score.labelled += len(labels)
         score.found += matched
         score.wrong += len(found) - matched
@@ -69,6 +77,14 @@ class PhotographScore:
     @property
     def false_alarms_per_picture(self) -> float | None:
         return round(self.false_alarms.total() / self.empty_pictures, 3) if self.empty_pictures else None
+
+    @property
+    def f1(self) -> float:
+        """Over all classes, 0 where nothing is labelled; false alarms on empty pictures are wrong predictions, too."""
+        found = sum(each.found for each in self.classes.values())
+        wrong = sum(each.wrong for each in self.classes.values()) + self.false_alarms.total()
+        labelled = sum(each.labelled for each in self.classes.values())
+        return 2 * found / (labelled + found + wrong) if labelled else 0.0
 
     def summary(self) -> dict[str, Any]:
         """Return the figures by name."""
@@ -101,16 +117,17 @@ def score_photographs(
     predict: Predictor,
     report: Callable[[int], None],
     look: Callable[[Photograph, NDArray[np.uint8], Sequence[Detection]], None] = lambda *_: None,
+    classes: Sequence[str] = CLASSES,
 ) -> Mapping[str, PhotographScore]:
     """Run the model on each photograph; return the scores by source, and of all of them as "all".
 
-    report: called with the number of photographs that are done. look: called with each picture (RGB) and its
-    predictions.
+    classes: of the photographs, in the order of their indices. report: called with the number of photographs that are
+    done. look: called with each picture (RGB) and its predictions.
 
     Raises:
         TrainingError: a photograph is no picture.
     """
-    scores = {"all": PhotographScore()}
+    scores = {"all": PhotographScore(classes)}
     for done, photograph in enumerate(photographs, start=1):
         picture = cv2.imread(str(photograph.file), cv2.IMREAD_COLOR)
         if picture is None:
@@ -119,6 +136,6 @@ def score_photographs(
         found = predict(image)
         look(photograph, image, found)
         for source in ("all", photograph.source):
-            scores.setdefault(source, PhotographScore()).add(photograph, found, image.shape[1], image.shape[0])
+            scores.setdefault(source, PhotographScore(classes)).add(photograph, found, image.shape[1], image.shape[0])
         report(done)
     return scores

@@ -22,11 +22,14 @@ LOWEST_CONFIDENCE: Final = 0.001
 class PredictorLoader(Protocol):
     """Loads a model."""
 
-    def __call__(self, weights: Path, *, confidence: float, device: str | None, folder: Path) -> Predictor:
+    def __call__(
+        self, weights: Path, *, confidence: float, device: str | None, folder: Path, any_model: bool = False
+    ) -> Predictor:
         """Return the predictor of `weights`, with scores of at least `confidence`.
 
-        device: in Ultralytics' words, or None for the best there is. folder: where files of its own may go.
+        device: in Ultralytics' words, or None for the best there is. folder: where files of its own may go. any_model:
+        whether it may find boxes alone, and other classes than the world's.
 
         Raises:
-            TrainingError: no model, or not one that finds masks of the world's classes.
+            TrainingError: no model, or not such a one.
         """

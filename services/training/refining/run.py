@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -24,6 +24,9 @@ class TrainedRefiner:
     objects: int
 
 
+NO_REFINER: Final = TrainedRefiner({}, 0)
+
+
 def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, progress: Progress) -> TrainedRefiner:
     """Train the refiner of `weights`, unless they find too few objects to learn from.
 
@@ -39,7 +42,7 @@ def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, pr
     )
     samples = Samples(files)
     if len(samples.labels) < BATCH:
-        return TrainedRefiner({}, 0)
+        return NO_REFINER
     torch.manual_seed(settings.seed)
     network = refinement.network(len(CLASSES), samples.take(np.zeros(1, np.int64))["features"].shape[-1])
     if settings.start is not None and (state := refinement.state_in(settings.start)) is not None:

@@ -4,7 +4,7 @@ from benchmarks.accuracy.following import Followed, Tally
 from benchmarks.accuracy.identities import Identities
 from benchmarks.accuracy.report import CONFIDENCES, report
 from services.simulator.world import CLASSES
-from services.training.run import HeldOutScore
+from services.training.evaluation.run import HeldOutScore
 from tests.services.training.evaluation.pictures import SIZE, found, truth
 
 FOLLOWED = Followed(

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from services.simulator.world import CLASSES
-from services.training.checkpoints import ARCHITECTURE, Checkpoint
+from services.training.checkpoints import ARCHITECTURE, CLASS_ROWS, Checkpoint
 from services.training.trainer import load_ultralytics
 
 
@@ -64,7 +64,9 @@ def network(tmp_path: Path) -> Any:
     load_ultralytics(tmp_path / "ultralytics")
     from ultralytics.nn.tasks import SegmentationModel  # noqa: PLC0415 - after load_ultralytics
 
-    return SegmentationModel(ARCHITECTURE, nc=len(CLASSES), verbose=False).half()
+    made: Any = SegmentationModel(ARCHITECTURE, nc=len(CLASSES), verbose=False).half()
+    made.names = dict(enumerate(CLASSES))
+    return made
 
 
 def test_a_network_is_read_as_it_was_kept(network: Any, tmp_path: Path) -> None:
@@ -80,3 +82,42 @@ def test_a_network_is_read_as_it_was_kept(network: Any, tmp_path: Path) -> None:
     kept, made = network.state_dict(), loaded["ema"].state_dict()
     assert list(kept) == list(made)
     assert all(torch.equal(tensor.float(), made[name]) for name, tensor in kept.items())
+
+
+@pytest.mark.parametrize(
+    ("activation", "kept"),
+    [
+        ("nn.ReLU()", True),
+        ("torch.nn.LeakyReLU(0.1, inplace=True)", True),
+        ("nn.ReLU() or print(1)", False),
+        ("print()", False),
+    ],
+)
+def test_an_activation_is_a_layer_or_nothing(network: Any, tmp_path: Path, activation: str, kept: bool) -> None:  # noqa: FBT001 - a parameter
+    network.yaml["activation"] = activation
+    torch.save({"ema": network}, tmp_path / "a.pt")
+    assert Checkpoint.read(tmp_path / "a.pt").architecture.get("activation") == (activation if kept else None)
+
+
+@pytest.mark.parametrize("layer", ["torch_safe_load", "nn.functional", "nn.init.normal_", "Path"])
+def test_layers_alone_are_made(network: Any, tmp_path: Path, layer: str) -> None:
+    network.yaml["backbone"][0][2] = layer
+    torch.save({"ema": network}, tmp_path / "a.pt")
+    with pytest.raises(ValueError, match=f"it has {layer} among its layers, which is none"):
+        Checkpoint.read(tmp_path / "a.pt").network()
+
+
+def test_classes_take_their_rows_along_and_new_ones_get_random_numbers(network: Any, tmp_path: Path) -> None:
+    torch.save({"ema": network}, tmp_path / "a.pt")
+    read = Checkpoint.read(tmp_path / "a.pt")
+    torch.manual_seed(1)
+    changed = read.with_classes(["tote", "forklift", "parcel"], {"box": "parcel", "pallet": "skid"})
+    assert changed.classes == ("tote", "forklift", "parcel")
+    for name, tensor in read.weights.items():
+        if CLASS_ROWS.fullmatch(name):
+            assert changed.weights[name][1:].equal(tensor[[2, 0]])
+            assert name.endswith("bias") or not changed.weights[name][0].equal(tensor[0])
+        else:
+            assert changed.weights[name].equal(tensor)
+    same = read.with_classes(CLASSES, {})
+    assert all(same.weights[name].equal(tensor) for name, tensor in read.weights.items())

@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from schemas.detections import Detection
+from services.training.evaluation.run import scored
 from services.training.evaluation.scenes import draw_held_out
-from services.training.run import scored
 from tests.services.training.evaluation.pictures import echo
 
 

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from services.training.card import effort_so_far, metered
+from services.training.files import effort_so_far, metered
 
 
 def interrupted(record: Path) -> None:

@@ -7,7 +7,7 @@ import torch
 
 from services.simulator.world import CLASSES
 from services.training.checkpoints import ARCHITECTURE
-from services.training.partial_labels import CODE_NAMES, LabelKind, loss_class
+from services.training.partial_labels import LabelKind, code_names, loss_class
 from services.training.trainer import load_ultralytics
 
 SIDE = 64
@@ -47,18 +47,22 @@ def losses(
     return {name: float(value) for name, value in parts.items()}, predictions["scores"].grad[0].abs().sum(dim=1)
 
 
+def coded(kind: LabelKind, class_index: int) -> int:
+    return kind.code(class_index, len(CLASSES))
+
+
 EVERYWHERE = (0.5, 0.5, 1.0, 1.0)
 MIDDLE = (0.5, 0.5, 0.5, 0.5)
 
 
 def test_codes_have_a_name_each() -> None:
-    codes = [kind.code(index) for kind in LabelKind for index in range(len(CLASSES))]
-    assert codes == list(range(len(CODE_NAMES)))
-    assert CODE_NAMES[: len(CLASSES)] == list(CLASSES)
+    codes = [kind.code(index, len(CLASSES)) for kind in LabelKind for index in range(len(CLASSES))]
+    assert codes == list(range(len(code_names(CLASSES))))
+    assert code_names(CLASSES)[: len(CLASSES)] == list(CLASSES)
 
 
 def test_an_unknown_class_is_pulled_nowhere(network: Any) -> None:
-    _, pulled = losses(network, (LabelKind.UNKNOWN_REGION.code(1), EVERYWHERE))
+    _, pulled = losses(network, (coded(LabelKind.UNKNOWN_REGION, 1), EVERYWHERE))
     assert pulled[1] == 0
     assert pulled[0] > 0
     assert pulled[2] > 0
@@ -66,21 +70,24 @@ def test_an_unknown_class_is_pulled_nowhere(network: Any) -> None:
 
 def test_a_region_leaves_the_rest_of_the_picture_known(network: Any) -> None:
     _, everywhere = losses(network)
-    _, half = losses(network, (LabelKind.UNKNOWN_REGION.code(1), (0.25, 0.5, 0.5, 1.0)))
+    _, half = losses(network, (coded(LabelKind.UNKNOWN_REGION, 1), (0.25, 0.5, 0.5, 1.0)))
     assert 0 < half[1] < everywhere[1]
     assert half[0] == pytest.approx(everywhere[0])
 
 
 def test_a_labelled_object_counts_within_a_region(network: Any) -> None:
-    labels = (LabelKind.OBJECT.code(1), MIDDLE), (LabelKind.UNKNOWN_REGION.code(1), EVERYWHERE)
+    labels = (
+        (coded(LabelKind.OBJECT, 1), MIDDLE),
+        (coded(LabelKind.UNKNOWN_REGION, 1), EVERYWHERE),
+    )
     parts, pulled = losses(network, *labels)
     assert pulled[1] > 0
     assert parts["box_loss"] > 0
 
 
 def test_a_box_only_object_is_found_but_its_mask_does_not_count(network: Any) -> None:
-    whole, _ = losses(network, (LabelKind.OBJECT.code(2), MIDDLE))
-    boxed, _ = losses(network, (LabelKind.BOX_ONLY.code(2), MIDDLE))
+    whole, _ = losses(network, (coded(LabelKind.OBJECT, 2), MIDDLE))
+    boxed, _ = losses(network, (coded(LabelKind.BOX_ONLY, 2), MIDDLE))
     assert whole["seg_loss"] > 0
     assert boxed["seg_loss"] == 0
     assert boxed["box_loss"] == pytest.approx(whole["box_loss"], rel=1e-3)
@@ -88,8 +95,8 @@ def test_a_box_only_object_is_found_but_its_mask_does_not_count(network: Any) ->
 
 def test_of_two_objects_only_the_drawn_one_has_a_mask(network: Any) -> None:
     left, right = (0.3, 0.5, 0.3, 0.5), (0.75, 0.5, 0.3, 0.5)
-    both, _ = losses(network, (LabelKind.OBJECT.code(0), left), (LabelKind.OBJECT.code(0), right))
-    one, _ = losses(network, (LabelKind.OBJECT.code(0), left), (LabelKind.BOX_ONLY.code(0), right))
+    both, _ = losses(network, (coded(LabelKind.OBJECT, 0), left), (coded(LabelKind.OBJECT, 0), right))
+    one, _ = losses(network, (coded(LabelKind.OBJECT, 0), left), (coded(LabelKind.BOX_ONLY, 0), right))
     assert one["seg_loss"] > 0
     assert one["seg_loss"] != pytest.approx(both["seg_loss"])
     assert one["cls_loss"] == pytest.approx(both["cls_loss"], rel=1e-3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from services.training.files import TrainingError
-from services.training.photographs import doubts_of, read_licences, read_photographs
+from services.training.photographs import classes_of, doubts_of, read_licences, read_photographs
 
 BOX, PALLET, FORKLIFT = range(3)
 
@@ -52,12 +52,11 @@ def test_sources_say_which_classes_they_label(tmp_path: Path) -> None:
     )
     folder = folder_with(tmp_path, {"empty_1": "", "other_1": "", "rack_1": ""}, incomplete=told)
     empty, other, rack = read_photographs(folder, "train")
-    assert rack.labelled == {BOX}
     assert rack.absent == {FORKLIFT}
     assert rack.unknown == {PALLET}
-    assert not empty.labelled
+    assert empty.absent == {BOX, PALLET, FORKLIFT}
     assert not empty.unknown
-    assert other.labelled == {BOX, PALLET, FORKLIFT}
+    assert not other.absent | other.unknown
 
 
 def test_points_outside_the_picture_are_moved_to_its_edge(tmp_path: Path) -> None:
@@ -108,12 +107,29 @@ def test_folders_say_how_many_of_their_labels_nobody_corrected(tmp_path: Path) -
         list(doubts_of([drafted]))
 
 
-@pytest.mark.parametrize("names", ["[pallet, box, forklift]", "{0: Box}"])
-def test_classes_with_other_numbers_are_refused(names: str, tmp_path: Path) -> None:
+def test_classes_go_by_name_and_one_that_a_folder_does_not_name_is_unknown_there(tmp_path: Path) -> None:
+    own = folder_with(tmp_path / "own", {"a_1": "1 0 0 1 0 1 1\n"})
+    (own / "data.yaml").write_text("names: [pallet, tote]")
+    other = folder_with(tmp_path / "other", {"b_1": "1 0 0 1 0 1 1\n"})
+    classes = classes_of([own, other])
+    assert classes == ("pallet", "tote", "box", "forklift")
+    (here,), (there,) = (read_photographs(each, "train", classes=classes) for each in (own, other))
+    assert [each.class_index for each in (*here.objects, *there.objects)] == [1, 0]
+    assert here.unknown == {2, 3}
+    assert there.unknown == {1}
+
+
+def test_without_others_a_folder_s_classes_are_its_own(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, {"a_1": "0 0 0 1 0 1 1\n"}, incomplete="a\tlabelled=tote\tunknown=cage\n")
+    (folder / "data.yaml").write_text("names: {0: tote, 1: cage}")
+    (photograph,) = read_photographs(folder, "train")
+    assert photograph.objects[0].class_index == 0
+    assert photograph.unknown == {1}
+
+
+@pytest.mark.parametrize("names", ["[box, box]", "[]", "{}"])
+def test_names_that_tell_no_classes_apart_are_refused(names: str, tmp_path: Path) -> None:
     folder = folder_with(tmp_path, {"a_1": ""})
-    for known in ("[box]", "[box, pallet, forklift, tote]"):
-        (folder / "data.yaml").write_text(f"names: {known}")
-        assert read_photographs(folder, "train")
     (folder / "data.yaml").write_text(f"names: {names}")
-    with pytest.raises(TrainingError, match=r"data\.yaml: other classes than 0: box, 1: pallet, 2: forklift; train on"):
+    with pytest.raises(TrainingError, match=r"data\.yaml: names no class, or one twice; give each"):
         read_photographs(folder, "train")

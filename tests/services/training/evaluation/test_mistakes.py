@@ -14,7 +14,6 @@ from tests.services.training.evaluation.test_photographs import (
     BOX,
     EVERY,
     FORKLIFT,
-    NONE,
     PALLET,
     found,
     labelled,
@@ -106,7 +105,7 @@ def test_the_worst_pictures_are_kept_and_no_others(tmp_path: Path) -> None:
     mistakes = Mistakes(shown=2)
     for wrong in (1, 3, 0, 2, 3):
         alarms = [found("pallet", 10 * place, 0, 10 * place + 9, 9) for place in range(wrong)]
-        empty = Photograph(Path(f"yard_{wrong}.jpg"), "yard", (), NONE, EVERY)
+        empty = Photograph(Path(f"yard_{wrong}.jpg"), "yard", (), EVERY)
         mistakes.add(empty, GREY, alarms)
     captions = [each.text for each in page_of(mistakes, written(tmp_path, "yard_1.png")).iter("figcaption")]
     assert captions == ["yard_3.jpg: 3 x pallet where nothing is"] * 2

@@ -26,7 +26,7 @@ def found(name: str, *corners: float, score: float = 0.9) -> Detection:
 
 
 def picture(*objects: LabelledObject, labelled: frozenset[int] = EVERY, absent: frozenset[int] = NONE) -> Photograph:
-    return Photograph(Path("a.jpg"), "yard", objects, labelled, absent)
+    return Photograph(Path("a.jpg"), "yard", objects, absent, EVERY - labelled - absent)
 
 
 def scored(photograph: Photograph, *detections: Detection) -> PhotographScore:
