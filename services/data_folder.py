@@ -6,7 +6,7 @@ line of `labelled.jsonl` one whose labels `fleetsight labels import` took from a
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
@@ -65,8 +65,13 @@ def names_in(file: Path) -> list[str]:
 
 def write_names(file: Path, names: list[str], **other: Any) -> None:
     """Write a data.yaml with these names of classes. other: what else it says."""
+    write_whole(file, description_of(names, **other))
+
+
+def description_of(names: Sequence[str], **other: Any) -> bytes:
+    """Return the content of a data.yaml; see `write_names`."""
     content = {**other, "names": dict(enumerate(names))}
-    write_whole(file, yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode())
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode()
 
 
 class Origins:

@@ -158,14 +158,16 @@ class SimulatorFigures:
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """A run's weights and their evaluation results. classes: by number. architecture: the name of its YAML.
+    """A run's weights and their evaluation results.
 
+    classes: by number. architecture: the name of its YAML. task: in Ultralytics' words.
     simulated: of a model that knows all that the simulator has. photographs: by source. licences: of the sources
     trained on, in words.
     """
 
     classes: Sequence[str]
     architecture: str
+    task: str
     simulated: SimulatorFigures | None
     photographs: Mapping[str, PhotographScore] = field(default_factory=dict)
     licences: Mapping[str, str] = field(default_factory=dict)
@@ -204,7 +206,7 @@ def model_card(
 
 
 def _kind(figures: Figures) -> str:
-    finds = "instance segmentation" if "seg" in figures.architecture else "detection"
+    finds = "instance segmentation" if figures.task == "segment" else "detection"
     return f"A nano {finds} model" if figures.architecture == ARCHITECTURE else f"A model for {finds}"
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -30,20 +31,36 @@ NETWORKS: Final = {"Segment": "SegmentationModel", "Detect": "DetectionModel"}
 """Ultralytics' networks by their last layer: of models whose loss `partial_labels` knows."""
 
 LAYER: Final = re.compile(
-    r"(torch|ultralytics)\.nn\.modules\.\w+\.\w+"
-    r"|ultralytics\.(nn\.tasks\.(Segmentation|Detection)Model|utils\.IterableSimpleNamespace)"
+    r"torch\.nn\.modules\.\w+\.\w+|ultralytics\.nn\.modules(\.\w+)?\.\w+"
+    r"|ultralytics\.(nn\.tasks\.(Segmentation|Detection)Model|(yolo\.)?utils\.IterableSimpleNamespace)"
+    r"|ultralytics\.utils\.(loss|tal)\.\w+"
 )
-"""The callables that Ultralytics' checkpoints name."""
+"""The classes that Ultralytics' checkpoints name, published ones and those of older releases among them."""
 
 _SCALAR: Final[Any] = np.float64(0).__reduce__()[0]
-_NUMBERS: Final[Mapping[str, Any]] = {"numpy._core.multiarray.scalar": _SCALAR, "numpy.dtype": np.dtype}
-_KNOWN: Final[tuple[Any, ...]] = (*((number, name) for name, number in _NUMBERS.items()), type(np.dtype(np.float64)))
+_PATHS: Final = [
+    f"{module}.{name}" for module in ("pathlib", "pathlib._local") for name in ("PosixPath", "WindowsPath")
+]
+
+
+def _nothing(*_: object) -> None:
+    """Stand for a call whose result nobody needs: getattr of a layer's method, a path."""
+
+
+_CALLED: Final[Mapping[str, Any]] = {
+    "numpy._core.multiarray.scalar": _SCALAR,
+    "numpy.core.multiarray.scalar": _SCALAR,
+    "numpy.dtype": np.dtype,
+    **dict.fromkeys(["builtins.getattr", *_PATHS], _nothing),
+}
+_KNOWN: Final[tuple[Any, ...]] = (*((called, name) for name, called in _CALLED.items()), type(np.dtype(np.float64)))
 _GOING_ON: Final = ("best_fitness", "stopper", "updates", "optimizer", "scaler")
 
 
-ACTIVATION: Final = re.compile(r"(torch\.)?nn\.\w+\([\w., =]*\)")
+ACTIVATION: Final = re.compile(r"(torch\.)?nn\.\w+\([\w., =-]*\)")
 """A layer of torch's, and no other call."""
 
+CLASS_BRANCHES: Final = ("cv3", "one2one_cv3")
 CLASS_ROWS: Final = re.compile(r"model\.\d+\.(one2one_)?cv3\.\d+\.2\.(weight|bias)")
 """The last layer's tensors that have a row for each class."""
 
@@ -105,30 +122,58 @@ class Checkpoint:
     def with_classes(self, classes: Sequence[str], new_names: Mapping[str, str]) -> "Checkpoint":
         """Return these weights for other classes; call it after `load_ultralytics`.
 
-        new_names: of this one's classes, where they have others there. A class that this one does not have begins with
-        random numbers, and so do layers that have another size for another number of classes.
+        new_names: of this one's classes, where they have others there; no two the same. A class that this one does not
+        have begins with random numbers.
+
+        Raises:
+            ValueError: its architecture is none, or another than that of the weights.
         """
-        named = {new_names.get(name, name): row for row, name in reversed([*enumerate(self.classes)])}
+        named = {new_names.get(name, name): row for row, name in enumerate(self.classes)}
         rows = [(new, named[name]) for new, name in enumerate(classes) if name in named]
         other = replace(self, classes=tuple(classes))
         weights = other._new_network().state_dict()  # noqa: SLF001 - of the same class
+        if weights.keys() != self.weights.keys():
+            raise ValueError("its layers are others than it says; train it with Ultralytics")
         for name, tensor in weights.items():
-            old = self.weights[name]
-            if CLASS_ROWS.fullmatch(name) and tensor.shape[1:] == old.shape[1:]:
+            if CLASS_ROWS.fullmatch(name):
                 for new, row in rows:
-                    tensor[new] = old[row]
-            elif tensor.shape == old.shape:
-                weights[name] = old
+                    tensor[new] = self.weights[name][row]
+            else:
+                weights[name] = self.weights[name]
         return replace(other, weights=weights)
 
     def _new_network(self) -> "nn.Module":
+        """Return a network with random numbers whose layers are as large as these weights'."""
+        from torch import nn  # noqa: PLC0415 - only the training needs it
+
+        classes = len(self.classes)
+        network = self._made_for(classes)
+        head, width = network.model[-1], self._class_width()
+        if width != head.cv3[0][-1].in_channels:
+            # Ultralytics makes these layers as wide as there are classes, and keeps their width in fine-tuning.
+            wider = self._made_for(width).model[-1]
+            for name in filter(partial(hasattr, wider), CLASS_BRANCHES):
+                for level in getattr(wider, name):
+                    level[-1] = nn.Conv2d(width, classes, 1)
+                setattr(head, name, getattr(wider, name))
+            head.bias_init()
+        network.names = dict(enumerate(self.classes))
+        made: nn.Module = network
+        return made
+
+    def _made_for(self, classes: int) -> Any:
         from ultralytics.nn import tasks  # noqa: PLC0415 - only the training needs it
 
         _check_layers(self.architecture)
         made = getattr(tasks, NETWORKS[_head(self.architecture)])
-        network: nn.Module = made(deepcopy(dict(self.architecture)), nc=len(self.classes), verbose=False)
-        network.names = dict(enumerate(self.classes))  # type: ignore[assignment]
-        return network
+        return made(deepcopy(dict(self.architecture)), nc=classes, verbose=False)
+
+    def _class_width(self) -> int:
+        """Return how wide the last layer's branch for the classes is."""
+        widths = [each.shape[1] for name, each in self.weights.items() if CLASS_ROWS.fullmatch(name) and each.ndim > 1]
+        if not widths:
+            raise ValueError("its last layer has no rows for classes")
+        return widths[0]
 
     def averaged(self, other: "Checkpoint", share: float) -> "Checkpoint":
         """Return these weights averaged with `other`'s, of which `share` is taken; the rest as it is.
@@ -165,7 +210,7 @@ def _state_in(file: Path) -> Any:
     with _nothing_taken_as_safe():
         called_for = torch.serialization.get_unsafe_globals_in_checkpoint(file)
         layers = [name for name in called_for if LAYER.fullmatch(name)]
-        if strangers := sorted({*called_for} - {*layers} - {*_NUMBERS}):
+        if strangers := sorted({*called_for} - {*layers} - {*_CALLED}):
             raise ValueError(f"it calls for {strangers[0]}")
         torch.serialization.add_safe_globals([*_KNOWN, *((_Layer, name) for name in layers)])
         return torch.load(file, map_location="cpu", weights_only=True)
@@ -226,11 +271,14 @@ def _check_layers(architecture: Mapping[str, Any]) -> None:
     from torch import nn  # noqa: PLC0415 - only the training needs it
     from ultralytics.nn import modules  # noqa: PLC0415 - after load_ultralytics
 
-    for row in (*architecture["backbone"], *architecture["head"]):
-        name = str(row[2])
+    try:
+        names = [str(row[2]) for row in (*architecture["backbone"], *architecture["head"])]
+    except (LookupError, TypeError) as error:
+        raise ValueError("it does not say of which layers it is made") from error
+    for name in names:
         found = getattr(nn, name[3:], None) if name.startswith("nn.") else getattr(modules, name, None)
-        if not (isinstance(found, type) and issubclass(found, nn.Module)):
-            raise ValueError(f"it has {name[:40]} among its layers, which is none")  # noqa: TRY004 - as in a file
+        if not (isinstance(found, type) and issubclass(found, nn.Module)) or found is modules.TorchVision:  # downloads
+            raise ValueError(f"it has {name[:40]} among its layers, which is none to train")
 
 
 def _tensors(layer: Any, prefix: str = "") -> Iterator[tuple[str, "torch.Tensor"]]:

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from services.data_folder import description_of
 from services.geometry.outlines import Polygon, outline
 from services.simulator.world import CLASSES, SeenObject, Sensor, expose, generate, truth_of
 from services.simulator.world.clearance import Clearance
@@ -72,9 +73,9 @@ def write_dataset(
             (folder / kind / split).mkdir(parents=True, exist_ok=True)
     progress("render", 0, len(jobs))
     parallel.run(_write_scene, jobs, workers, lambda done: progress("render", done, len(jobs)))
-    names = "".join(f"  {index}: {name}\n" for index, name in enumerate(classes))
     description = folder / "dataset.yaml"
-    description.write_text(f"path: {folder.resolve()}\ntrain: images/train\nval: images/val\nnames:\n{names}")
+    told = description_of(classes, path=str(folder.resolve()), train="images/train", val="images/val")
+    keep_file(description, told)
     return description
 
 

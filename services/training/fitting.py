@@ -74,6 +74,8 @@ def fit(settings: TrainingSettings, material: Material, progress: Progress, judg
         checkpoint = stage.checkpoint(settings.work_dir)
         done = Checkpoint.read(checkpoint).epoch + 1 if checkpoint.exists() else 0
         best = BestEpoch(checkpoint, settings.patience, judge) if stage.mixed and judge and settings.patience else None
+        if best and done:
+            best.catch_up(done - 1)
         if done < stage.epochs and not (best and best.waited_enough):
             _fit_stage(stage, checkpoint if done else last, settings, material, progress, best=best, resume=done > 0)
         last = best.checkpoint if best else checkpoint

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from services.data_folder import description_of
 from services.training.files import TrainingError, keep_file
 from services.training.partial_labels import LabelKind, code_names
 from services.training.photographs import Photograph
@@ -48,9 +49,9 @@ def write_mix(
     empty = [copy for copy, each in zip(copies, photographs, strict=True) if each.empty]
     listed = "".join(f"{path.resolve()}\n" for path in [*(copies + empty * (EMPTY_REPEATS - 1)) * repeats, *rendered])
     keep_file(folder / "train.txt", listed.encode())
-    names = "".join(f"  {code}: {name}\n" for code, name in enumerate(code_names(classes)))
     description = folder / "mix.yaml"
-    keep_file(description, f"path: {folder.resolve()}\ntrain: train.txt\nval: train.txt\nnames:\n{names}".encode())
+    told = description_of(code_names(classes), path=str(folder.resolve()), train="train.txt", val="train.txt")
+    keep_file(description, told)
     return description
 
 

@@ -98,10 +98,13 @@ def read_data(folders: Sequence[Path]) -> PhotographData:
 def classes_of(folders: Sequence[Path]) -> tuple[str, ...]:
     """Return the names of all classes of folders, each once; their places are the classes' indices.
 
+    The simulated world's classes alone are in its own order.
+
     Raises:
-        TrainingError: a data.yaml names none, or one twice.
+        TrainingError: a data.yaml names one twice.
     """
-    return tuple(dict.fromkeys(name for folder in folders for name in _names(folder))) or CLASSES
+    named = tuple(dict.fromkeys(name for folder in folders for name in _names(folder)))
+    return named if {*named} - {*CLASSES} or 0 < len(named) < len(CLASSES) else CLASSES
 
 
 def doubts_of(folders: Sequence[Path]) -> Iterator[str]:
@@ -157,8 +160,8 @@ def _names(folder: Path) -> tuple[str, ...]:
         names = names_in(file)
     except (DatasetError, OSError) as error:
         raise TrainingError(str(error)) from error
-    if file.exists() and len({*names}) < max(len(names), 1):
-        raise TrainingError(f"{file}: names no class, or one twice; give each number a name of its own")
+    if len({*names}) < len(names):
+        raise TrainingError(f"{file}: names a class twice; give each number a name of its own")
     return tuple(names) or CLASSES
 
 
@@ -215,7 +218,7 @@ def _source(file: Path, line: str, classes: Sequence[str]) -> tuple[str, SourceC
     source, *fields = line.split("\t")
     lists = dict(field.strip().partition("=")[::2] for field in fields)
     names = {key: [name for name in lists.get(key, "").split(",") if name] for key in ("labelled", "absent", "unknown")}
-    if unheard := sorted({name for each in names.values() for name in each} - {*classes}):
+    if unheard := sorted({*names["labelled"], *names["absent"]} - {*classes}):
         raise TrainingError(f"{file}: {source}: no class {unheard[0]!r}; there are {', '.join(classes)}")
     labelled, absent = (frozenset(map(classes.index, names[key])) for key in ("labelled", "absent"))
     return source.strip(), (absent, frozenset(range(len(classes))) - labelled - absent)

@@ -1,7 +1,9 @@
 """The whole run: render, train, strip, evaluate, write the card."""
 
+import json
 import logging
 import tempfile
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -40,12 +42,18 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
     _check_folder("--output", settings.output, settings.output.parent)
     _check_folder("--work-dir", work_dir, work_dir)
     _check_device(settings)
-    _claim(work_dir, settings)
-    _check_checkpoints(settings)
     photographs = read_data(settings.data)
     classes = photographs.classes
     drawn = bool(numbers_of(classes, settings.class_names))
-    start = _start(settings, classes)
+    given = None if settings.start is None else _read_checkpoint(settings.start, "name weights to find boxes or masks")
+    _check_classes(settings, classes, given)
+    if settings.patience and not any(each.objects for each in photographs.tests):
+        raise TrainingError(
+            "--patience: no object in the pictures of val or test, so that none of them is found better"
+        )
+    _claim(work_dir, settings, classes)
+    _check_checkpoints(settings)
+    start = None if given is None else _start(settings, classes, given)
     record = work_dir / "effort.json"
     with metered(record):
         # Where the simulator has none of the classes, its objects may look like them all the same.
@@ -64,7 +72,8 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
         trained = fit(settings, material, progress, judge_on(photographs, settings, progress, load))
         checkpoint, unrefined = _averaged(settings, trained, start), work_dir / "unrefined.pt"
         write_weights(checkpoint, unrefined, settings.imgsz)
-        refined = refine(settings, unrefined, refinement, progress) if classes == CLASSES else NO_REFINER
+        own = classes == CLASSES and Checkpoint.read(checkpoint).task == "segment"
+        refined = refine(settings, unrefined, refinement, progress) if own else NO_REFINER
         write_weights(checkpoint, settings.output, settings.imgsz, refined.kept)
     with metered(record):
         figures = evaluate(settings, progress, load, photographs, unrefined if refined.kept else None)
@@ -72,29 +81,41 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
     settings.output.with_suffix(".md").write_text(card)
 
 
-def _start(settings: TrainingSettings, classes: Sequence[str]) -> Path | None:
-    """Return the weights to begin with, if any, changed so that they have these classes.
+def _check_classes(settings: TrainingSettings, classes: Sequence[str], given: Checkpoint | None) -> None:
+    """Check the names of classes.
 
     Raises:
-        TrainingError: a class to be renamed is not there, or there is nothing to learn the classes from.
+        TrainingError: a class to be renamed is not there, two would get one name, or there is nothing to learn from.
     """
-    given = None if settings.start is None else _read_checkpoint(settings.start, "name weights of Ultralytics'")
-    known = {*CLASSES, *(given.classes if given else ())}
+    known = list(dict.fromkeys((*CLASSES, *(given.classes if given else ()))))
     for old, new in settings.class_names.items():
         if old not in known:
-            raise TrainingError(f"--class-names: no class {old!r}; there are {', '.join(sorted(known))}")
+            raise TrainingError(f"--class-names: no class {old!r}; there are {', '.join(known)}")
         if new not in classes:
             raise TrainingError(f"--class-names {old}={new}: no data.yaml names {new!r}; those do {', '.join(classes)}")
-    if given is None:
-        if not numbers_of(classes, settings.class_names):
-            raise TrainingError(f"the simulator has none of {', '.join(classes)}: name weights to begin with by --from")
-        return None
-    log.info("%s", _told(given.classes, classes, settings.class_names))
+    for names in (CLASSES, given.classes if given else ()):
+        for new, times in Counter(settings.class_names.get(name, name) for name in names).items():
+            if times > 1:
+                raise TrainingError(f"--class-names: {times} classes would be {new!r}; give each a name of its own")
+    if given is None and not numbers_of(classes, settings.class_names):
+        raise TrainingError(f"the simulator has none of {', '.join(classes)}: name weights to begin with by --from")
+
+
+def _start(settings: TrainingSettings, classes: Sequence[str], given: Checkpoint) -> Path:
+    """Return the weights to begin with, changed so that they have these classes.
+
+    Raises:
+        TrainingError: they cannot be.
+    """
     import torch  # noqa: PLC0415 - only the training needs it
 
+    log.info("%s", _told(given.classes, classes, settings.class_names))
     torch.manual_seed(settings.seed)
     changed = settings.work_dir / "start.pt"
-    given.with_classes(classes, settings.class_names).write(changed, {})
+    try:
+        given.with_classes(classes, settings.class_names).write(changed, {})
+    except Exception as error:
+        raise TrainingError(f"{settings.start}: cannot be trained ({first_line(error)})") from error
     return changed
 
 
@@ -147,10 +168,10 @@ def _check_device(settings: TrainingSettings) -> None:
         raise TrainingError(f"--device {settings.device}: {first_line(error)}") from error
 
 
-def _claim(work_dir: Path, settings: TrainingSettings) -> None:
-    """Record the settings of the run in its directory, which fits one set of settings only."""
+def _claim(work_dir: Path, settings: TrainingSettings, classes: Sequence[str]) -> None:
+    """Record the settings of the run and its classes in its directory, which fits one set of them only."""
     note = work_dir / "settings.json"
-    wanted = settings.model_dump_json(include=DECISIVE)
+    wanted = json.dumps({**settings.model_dump(mode="json", include=DECISIVE), "classes": classes})
     try:
         if note.exists() and note.read_text() != wanted:
             raise TrainingError(f"--work-dir {work_dir}: holds a run with other settings; choose another or remove it")

@@ -1,8 +1,8 @@
 """The stages of a training run: first small images, the most efficient, then full size, then full size again.
 
 The last stage begins at a higher rate than the one before it ended with (a warm restart: Loshchilov and Hutter,
-"SGDR", 2017), and lets it fall over all its epochs. The
-best epoch of one, where it is to end once its checkpoints have not become better for a while.
+"SGDR", 2017), and lets it fall over all its epochs. A
+stage may end early, with its best epoch as the result: `BestEpoch`.
 """
 
 import math
@@ -90,13 +90,18 @@ class BestEpoch:
 
     @property
     def waited_enough(self) -> bool:
-        """Whether so many epochs have passed since the best one."""
-        return self._record.last - self._record.best >= self._patience
+        """Whether so many epochs have passed since the best one; not before one was any good."""
+        return self._record.figure > 0 and self._record.last - self._record.best >= self._patience
+
+    def catch_up(self, epoch: int) -> None:
+        """Judge the checkpoint, which is of an epoch, where a run was interrupted before it was judged."""
+        if self._record.last < epoch:
+            self.add(epoch)
 
     def add(self, epoch: int) -> None:
         """Judge the checkpoint, which is of an epoch, and keep it if it is the best so far."""
         figure = self._judge(self._latest)
-        if self._record.best == NEVER or figure > self._record.figure:
+        if figure > self._record.figure or not self._record.figure:
             partial = self.checkpoint.with_suffix(".part")
             shutil.copyfile(self._latest, partial)
             partial.replace(self.checkpoint)

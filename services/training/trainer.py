@@ -1,4 +1,4 @@
-"""Adapts Ultralytics' segmentation trainer: fast on CPUs, and quiet."""
+"""Adapts Ultralytics' trainers: fast on CPUs, and quiet."""
 
 import logging
 import os
@@ -65,6 +65,9 @@ def _partly_labelled(trainer: Any, classes: Sequence[str]) -> type:
         def _setup_train(self, *args: Any, **options: Any) -> None:
             super()._setup_train(*args, **options)
             self.model.criterion = criterion(self.model)
+            if self.start_epoch and hasattr(self.model.criterion, "update"):  # its parts' weights go by the epoch
+                self.model.criterion.updates = self.start_epoch - 1
+                self.model.criterion.update()
 
     return PartialLabelsTrainer
 

@@ -68,7 +68,7 @@ def pairs(
         if near := [entry for entry in near if entry[1] >= MATCHING_IOU]:
             name, at = left.pop(max(near)[2])
             yield Pair(name, each, at)
-        elif each.name not in unknown:
+        elif each.name in classes and each.name not in unknown:
             yield Pair(None, each, box)
     for name, at in left:
         yield Pair(name, None, at)

@@ -59,7 +59,7 @@ class PhotographScore:
         self.pictures += 1
         if not photograph.objects and len(photograph.absent) == len(self.names):
             self.empty_pictures += 1
-            self.false_alarms.update(each.name for each in found)
+            self.false_alarms.update(each.name for each in found if each.name in self.names)
         for index, name in enumerate(self.names):
             if index not in photograph.absent | photograph.unknown:
                 self._count(photograph, index, [each for each in found if each.name == name], width, height)

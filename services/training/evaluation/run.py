@@ -68,7 +68,7 @@ def evaluate(
     all_known = len(numbers_of(weights.classes, settings.class_names)) == len(CLASSES)
     found = _in_simulator(settings, progress, load_at, unrefined) if weights.task == "segment" and all_known else None
     pictures = _on_photographs(settings, progress, load_at, photographs) if photographs.tests else {}
-    return Figures(weights.classes, weights.architecture_name, found, pictures, photographs.licences)
+    return Figures(weights.classes, weights.architecture_name, weights.task, found, pictures, photographs.licences)
 
 
 def _in_simulator(

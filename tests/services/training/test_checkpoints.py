@@ -89,6 +89,7 @@ def test_a_network_is_read_as_it_was_kept(network: Any, tmp_path: Path) -> None:
     [
         ("nn.ReLU()", True),
         ("torch.nn.LeakyReLU(0.1, inplace=True)", True),
+        ("nn.LeakyReLU(-1e-2)", True),
         ("nn.ReLU() or print(1)", False),
         ("print()", False),
     ],
@@ -99,11 +100,11 @@ def test_an_activation_is_a_layer_or_nothing(network: Any, tmp_path: Path, activ
     assert Checkpoint.read(tmp_path / "a.pt").architecture.get("activation") == (activation if kept else None)
 
 
-@pytest.mark.parametrize("layer", ["torch_safe_load", "nn.functional", "nn.init.normal_", "Path"])
+@pytest.mark.parametrize("layer", ["torch_safe_load", "nn.functional", "nn.init.normal_", "Path", "TorchVision"])
 def test_layers_alone_are_made(network: Any, tmp_path: Path, layer: str) -> None:
     network.yaml["backbone"][0][2] = layer
     torch.save({"ema": network}, tmp_path / "a.pt")
-    with pytest.raises(ValueError, match=f"it has {layer} among its layers, which is none"):
+    with pytest.raises(ValueError, match=f"it has {layer} among its layers, which is none to train"):
         Checkpoint.read(tmp_path / "a.pt").network()
 
 
@@ -121,3 +122,36 @@ def test_classes_take_their_rows_along_and_new_ones_get_random_numbers(network: 
             assert changed.weights[name].equal(tensor)
     same = read.with_classes(CLASSES, {})
     assert all(same.weights[name].equal(tensor) for name, tensor in read.weights.items())
+
+
+def test_published_weights_name_methods_losses_and_paths_that_are_not_called(network: Any, tmp_path: Path) -> None:
+    """Those of YOLO11, and of YOLOv8 for masks, have a method among the attributes of their last layer."""
+    from ultralytics.nn import modules  # noqa: PLC0415 - after load_ultralytics
+    from ultralytics.utils.tal import TaskAlignedAssigner  # noqa: PLC0415
+
+    head, detect = network.model[-1], vars(modules)["Detect"]
+    head.detect, head.assigner, head.written = detect.forward, TaskAlignedAssigner(), tmp_path
+    torch.save({"epoch": -1, "model": network, "train_args": {"save_dir": tmp_path}}, tmp_path / "a.pt")
+    read = Checkpoint.read(tmp_path / "a.pt")
+    assert read.classes == CLASSES
+    assert list(read.network().state_dict()) == list(network.state_dict())
+
+
+def test_wide_layers_stay_as_wide_as_they_are(tmp_path: Path) -> None:
+    """Of 80 classes Ultralytics makes them wider than of few, and its fine-tuning keeps them so."""
+    ultralytics = load_ultralytics(tmp_path / "ultralytics")
+    published = ultralytics.YOLO("yolo11n.yaml").model
+    published.names = {**published.names, 7: "truck"}
+    torch.save({"ema": published}, tmp_path / "a.pt")
+    read = Checkpoint.read(tmp_path / "a.pt")
+    changed = read.with_classes(["tote", "truck"], {})
+    for name, tensor in read.weights.items():
+        if CLASS_ROWS.fullmatch(name):
+            assert changed.weights[name][1].equal(tensor[7])
+        else:
+            assert changed.weights[name].equal(tensor)
+    changed.write(tmp_path / "b.pt", {})
+    again = Checkpoint.read(tmp_path / "b.pt").with_classes(["truck"], {})
+    image = torch.rand(1, 3, 64, 64)
+    scores = [each.network()(image)[0][0, 4 + row] for each, row in ((read, 7), (again, 0))]
+    torch.testing.assert_close(*scores)

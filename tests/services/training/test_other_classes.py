@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from services.detector.settings import SHIPPED_MODEL
+from services.simulator.world import CLASSES
 from services.toolbox.train.inference import open_weights
 from services.toolbox.train.refinement import REFINEMENT
 from services.training.checkpoints import CLASS_ROWS, Checkpoint
@@ -15,7 +16,7 @@ from services.training.run import train
 from services.training.settings import TrainingSettings
 from services.training.stages import BestEpoch, stages_of
 from services.training.trainer import load_ultralytics
-from tests.services.training.test_fine_tuning import PICTURES, photographs, settings_for
+from tests.services.training.test_fine_tuning import PICTURES, Interrupted, photographs, settings_for
 
 
 def folder_with(folder: Path, *names: str) -> Path:
@@ -37,6 +38,7 @@ def test_a_class_gets_another_name_and_a_new_one_comes_in(tmp_path: Path, caplog
     caplog.set_level("INFO", "services.training")
     data = folder_with(tmp_path / "data", "parcel", "pallet", "forklift", "tote")
     given = {"from": SHIPPED_MODEL, "data": [data], "class_names": {"box": "parcel"}, "data_rate": 1e-5, "freeze": 11}
+    given["patience"] = 1
     settings = settings_for(tmp_path, **given, refiner_images=4)
     weights, card, reported = trained(settings)
     assert weights.classes == ("parcel", "pallet", "forklift", "tote")
@@ -55,18 +57,19 @@ def test_a_class_gets_another_name_and_a_new_one_comes_in(tmp_path: Path, caplog
     assert f"| rendered | {PICTURES} | parcel |" in card
     assert "On scenes that it was not trained on" in card
     assert "made finer" not in card, "what refines masks knows the simulator's classes alone"
-    assert {"evaluate", "drive", "photographs"} <= reported
+    assert {"judge", "evaluate", "drive", "photographs"} <= reported
     assert "<td>parcel</td>" in settings.output.with_suffix(".html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("architecture", ["yolo11n", "yolo26n"])
 def test_a_model_for_boxes_learns_classes_that_the_simulator_does_not_have_and_stops_early(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, architecture: str
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, architecture: str
 ) -> None:
     start = tmp_path / "start.pt"
     load_ultralytics(tmp_path / "ultralytics").YOLO(f"{architecture}.yaml").save(start)
     data = folder_with(tmp_path / "data", "tote", "cage", "crate")
-    settings = settings_for(tmp_path, **{"from": start, "data": [data], "data_epochs": 5, "patience": 1})
+    settings = settings_for(tmp_path, **{"from": start, "data": [data], "data_epochs": 4, "patience": 1})
+    monkeypatch.setattr("services.training.run.judge_on", lambda *_: lambda _: 0.5)
     caplog.set_level("INFO", "services.training")
     weights, card, reported = trained(settings)
     (told,) = caplog.messages
@@ -78,14 +81,50 @@ def test_a_model_for_boxes_learns_classes_that_the_simulator_does_not_have_and_s
     checkpoint = stage.checkpoint(settings.work_dir)
     best = BestEpoch(checkpoint, 1, lambda _: 0.0)
     assert best.waited_enough
-    assert Checkpoint.read(checkpoint).epoch == Checkpoint.read(best.checkpoint).epoch + 1 < 4
+    assert (Checkpoint.read(best.checkpoint).epoch, Checkpoint.read(checkpoint).epoch) == (0, 1)
     listed = (settings.work_dir / "mix/train.txt").read_text().splitlines()
     assert {Path(line).suffix for line in listed} == {".jpg"}, "the simulator's pictures have nothing to teach"
-    assert {"judge", "photographs"} <= reported
+    assert "photographs" in reported
     assert "evaluate" not in reported
     assert f"A model for detection (`{architecture}.yaml`, 3 classes" in card
     assert "On scenes that it was not trained on" not in card
     assert "--patience 1" in card
+
+
+def test_boxes_alone_of_the_simulator_s_classes_have_no_masks_to_refine(tmp_path: Path) -> None:
+    start = tmp_path / "start.pt"
+    load_ultralytics(tmp_path / "ultralytics").YOLO("yolo11n.yaml").save(start)
+    data = photographs(tmp_path / "data")
+    settings = settings_for(tmp_path, **{"from": start, "data": [data], "data_epochs": 1, "refiner_images": 4})
+    weights, _, _ = trained(settings)
+    assert (weights.classes, weights.task) == (CLASSES, "detect")
+
+
+def test_another_run_s_classes_are_not_taken_for_this_one_s(tmp_path: Path) -> None:
+    data = folder_with(tmp_path / "data", "box", "pallet", "forklift", "tote: blue")
+    settings = settings_for(tmp_path, **{"from": SHIPPED_MODEL, "data": [data]})
+    with pytest.raises(Interrupted):
+        train(settings, interrupt, open_weights, REFINEMENT)
+    assert yaml.safe_load((settings.work_dir / "data/dataset.yaml").read_text())["names"][3] == "tote: blue"
+    (data / "data.yaml").write_text("names: [tote, box, pallet, forklift]")
+    with pytest.raises(TrainingError, match="holds a run with other settings"):
+        train(settings, lambda *_: None, open_weights, REFINEMENT)
+
+
+def interrupt(stage: str, _done: int, _total: int) -> None:
+    if stage.startswith("train"):
+        raise Interrupted
+
+
+def test_no_epoch_is_waited_for_before_anything_was_found(tmp_path: Path) -> None:
+    checkpoint, figures = tmp_path / "mixed.pt", iter((0.0, 0.0, 0.0, 0.1, 0.0, 0.0))
+    for epoch in range(6):
+        checkpoint.write_bytes(str(epoch).encode())
+        best = BestEpoch(checkpoint, 2, lambda _: next(figures))
+        best.catch_up(epoch)
+        best.catch_up(epoch)
+        assert best.checkpoint.read_bytes() == str(min(epoch, 3)).encode()
+        assert best.waited_enough == (epoch == 5)
 
 
 def test_an_interrupted_run_goes_on_with_its_best_epoch(tmp_path: Path) -> None:
@@ -110,8 +149,9 @@ def test_an_interrupted_run_goes_on_with_its_best_epoch(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ({"class_names": {"crate": "tote"}}, "no class 'crate'; there are box, forklift, pallet"),
+        ({"class_names": {"crate": "tote"}}, "no class 'crate'; there are box, pallet, forklift"),
         ({"class_names": {"box": "crate"}}, "--class-names box=crate: no data.yaml names 'crate'; those do tote"),
+        ({"class_names": {"box": "tote", "pallet": "tote"}}, "--class-names: 2 classes would be 'tote'; give each"),
         ({"from": None}, "the simulator has none of tote: name weights to begin with by --from"),
     ],
 )
@@ -122,7 +162,16 @@ def test_classes_that_nothing_can_be_learned_of_are_refused(tmp_path: Path, more
     settings = settings_for(tmp_path, **{"from": SHIPPED_MODEL, "data": [data], **more})
     with pytest.raises(TrainingError, match=message):
         train(settings, lambda *_: None, open_weights, REFINEMENT)
-    assert not (settings.work_dir / "data").exists()
+    assert not (settings.work_dir / "settings.json").exists(), "with the mistake mended it is to run"
+
+
+def test_patience_needs_something_to_be_found(tmp_path: Path) -> None:
+    data = folder_with(tmp_path / "data", "tote")
+    for labels in (data / "val/labels").iterdir():
+        labels.write_text("")
+    settings = settings_for(tmp_path, **{"from": SHIPPED_MODEL, "data": [data], "patience": 2})
+    with pytest.raises(TrainingError, match="--patience: no object in the pictures of val or test"):
+        train(settings, lambda *_: None, open_weights, REFINEMENT)
 
 
 @pytest.mark.parametrize("architecture", ["yolo11n-pose", "yolo26n-seg"])

@@ -127,9 +127,23 @@ def test_without_others_a_folder_s_classes_are_its_own(tmp_path: Path) -> None:
     assert photograph.unknown == {1}
 
 
-@pytest.mark.parametrize("names", ["[box, box]", "[]", "{}"])
-def test_names_that_tell_no_classes_apart_are_refused(names: str, tmp_path: Path) -> None:
+def test_a_class_that_is_named_twice_is_refused(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, {"a_1": ""})
+    (folder / "data.yaml").write_text("names: [box, box]")
+    with pytest.raises(TrainingError, match=r"data\.yaml: names a class twice; give each"):
+        read_photographs(folder, "train")
+
+
+@pytest.mark.parametrize(
+    ("names", "classes"),
+    [
+        ("[pallet, forklift, box]", ("box", "pallet", "forklift")),
+        ("[]", ("box", "pallet", "forklift")),
+        ("[pallet, box]", ("pallet", "box")),
+        ("[tote, forklift, box, pallet]", ("tote", "forklift", "box", "pallet")),
+    ],
+)
+def test_the_simulator_s_classes_alone_are_in_its_order(tmp_path: Path, names: str, classes: tuple[str, ...]) -> None:
     folder = folder_with(tmp_path, {"a_1": ""})
     (folder / "data.yaml").write_text(f"names: {names}")
-    with pytest.raises(TrainingError, match=r"data\.yaml: names no class, or one twice; give each"):
-        read_photographs(folder, "train")
+    assert classes_of([folder]) == classes
