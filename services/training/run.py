@@ -135,9 +135,11 @@ def _mixed(
     """Write the last stage's data set: photographs, what is made of them, and rendered pictures."""
     folder = settings.work_dir / "made"
     collages = make_collages(folder, photographs.training, settings.collages, settings.seed)
-    plain = make_plain(folder, settings.collages // PLAIN_SHARE, settings.seed)
-    pictures = [*photographs.training, *collages, *plain]
-    mix = write_mix(settings.work_dir / "mix", pictures, rendered_pictures, photographs.classes)
+    pictures = [*photographs.training, *collages]
+    # Few photographs are not to drown in plain pictures, which are shown as often as others without any of the classes.
+    count = min(settings.collages // PLAIN_SHARE, -(-len(pictures) // PLAIN_SHARE))
+    plain = make_plain(folder, count, settings.seed)
+    mix = write_mix(settings.work_dir / "mix", [*pictures, *plain], rendered_pictures, photographs.classes)
     return mix, MadePictures(sum(bool(each.objects) for each in collages), len(plain))
 
 

@@ -74,8 +74,8 @@ class TrainingSettings(BaseModel):
     collages: int = Field(
         default=300,
         ge=0,
-        description="pictures made for that stage: objects of the photographs on photographs without any, and an eighth"
-        " as many empty plain pictures",
+        description="pictures made for that stage: objects of the photographs on photographs without any, and up to"
+        " an eighth as many empty plain pictures",
     )
     data_rate: float = Field(
         default=4e-4, gt=0, le=0.1, description="learning rate that this stage begins with; it falls to a fiftieth"

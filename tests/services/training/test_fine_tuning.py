@@ -86,6 +86,18 @@ def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_p
     assert '<th scope="row">rendered</th><td>box</td>' in page
 
 
+def test_few_photographs_do_not_drown_in_plain_pictures(tmp_path: Path) -> None:
+    def interrupt(name: str, *_: int) -> None:
+        if name.startswith("train"):
+            raise Interrupted
+
+    given = {"from": SHIPPED_MODEL, "data": [photographs(tmp_path / "data")], "collages": 300}
+    settings = settings_for(tmp_path, **given)
+    with pytest.raises(Interrupted):
+        train(settings, interrupt, open_weights, REFINEMENT)
+    assert [file.name for file in (settings.work_dir / "made").iterdir()] == ["plain_00000.jpg"]
+
+
 def test_photographs_are_the_last_stage_of_a_run_from_scratch(tmp_path: Path) -> None:
     settings = settings_for(tmp_path, data=[tmp_path], data_epochs=3, data_rate=1e-4)
     assert [stage.name for stage in stages_of(settings)] == ["coarse", "fine", "polish", "mixed"]
