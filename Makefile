@@ -12,7 +12,7 @@ MANY_PROCESSES = tests/deploy tests/integration tests/benchmarks tests/releases
 export PYTHONDONTWRITEBYTECODE =
 SUMS = cd dist && rm -f SHA256SUMS && sha256sum * >SHA256SUMS && sed 's/^/[dist] /' SHA256SUMS
 
-.PHONY: demo test intended lint types compiled tests again debian ros postgresql chromium nginx containers prometheus helm custom-kinds screenshots bench chaos fuzz dist bundle clean help
+.PHONY: demo test intended lint types compiled tests again debian ros postgresql chromium nginx containers prometheus helm custom-kinds screenshots bench long chaos fuzz dist bundle clean help
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## */make \1\t/' | expand -t 14
@@ -32,7 +32,7 @@ debian:
 
 intended:
 	@echo "[test] installs what the tests need (up to 5 minutes the first time), checks format, lint and types, and runs"
-	@echo "[test] about 11,000 tests: 20 to 30 minutes on 2 cores. A dot is a test that passed; the end says what failed."
+	@echo "[test] about 11,000 tests: 30 to 55 minutes on 2 cores. A dot is a test that passed; the end says what failed."
 
 lint:
 	@echo "[check] format, lint"
@@ -87,6 +87,9 @@ screenshots: .venv/.test chromium  ## run the demo and take the pictures that th
 
 bench: .venv/.bench ros  ## run every benchmark and draw what docs show (BENCHMARKS="gateway space", REPEAT=3)
 	@$(BIN)/python -m benchmarks $(BENCHMARKS) --repeat $(REPEAT); done=$$?; $(BIN)/python -m benchmarks.plots && exit $$done
+
+long: .venv/.test debian  ## make the image for detectors on a GPU, several GB, and start it
+	@$(BIN)/python -m pytest -n 0 -m long
 
 chaos: .venv/.bench debian  ## hurt a small fleet in each way there is, and fail if it loses anything (MINUTES=120 repeats it)
 	@$(BIN)/python -m benchmarks.chaos --json --strict --minutes $(or $(MINUTES),0)

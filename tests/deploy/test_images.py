@@ -20,9 +20,9 @@ from tests.deploy.support.certificates import ROBOT, STRANGER, make_central
 from tests.deploy.support.helm import NAME, render
 from tests.deploy.support.images import EXTRAS, LARGEST_MB, LOOK, PEERS, REVISION, STARTED
 from tests.deploy.support.kube import ask, playable, pod
-from tests.deploy.support.machine import require_containers, root_archive, wheels
+from tests.deploy.support.machine import wheels
 from tests.deploy.support.old_podman import REFUSING, OldPodman
-from tests.deploy.support.podman import BASE, SIMULATED, Podman
+from tests.deploy.support.podman import SIMULATED, Podman, podman_with_debian
 from tests.deploy.support.seeing import seeing, simulator
 from tests.deploy.support.units import DEPLOY
 
@@ -33,14 +33,9 @@ DEADLINE_S = 60
 
 @pytest.fixture(scope="module")
 def podman(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Podman]:
-    require_containers()
-    found = Podman()
-    try:
-        found.run("import", "--quiet", root_archive(tmp_path_factory), BASE)
-        found.build(wheels(tmp_path_factory), REVISION)
-        yield found
-    finally:
-        found.close()
+    with podman_with_debian(tmp_path_factory) as made:
+        made.build(wheels(tmp_path_factory), REVISION)
+        yield made
 
 
 @pytest.mark.parametrize("target", EXTRAS)

@@ -5,12 +5,15 @@ from typing import Final
 from deploy.release import images
 from tests.deploy.support.units import DEPLOY
 
-EXTRAS: Final = {
+ALL_EXTRAS: Final = {
     target: extras
     for target, extras in images((DEPLOY / "Containerfile").read_text(encoding="utf-8")).items()
-    if extras and target != "detector"
+    if extras
 }
-"""By target, of all but the detector's for GPUs: its torch alone has more bytes than all of these."""
+"""What of fleetsight each target has."""
+
+EXTRAS: Final = {target: extras for target, extras in ALL_EXTRAS.items() if target != "detector"}
+"""The same without the detector's for GPUs: its torch alone has more bytes than all of these."""
 
 REVISION: Final = "0123456789abcdef0123456789abcdef01234567"
 LARGEST_MB: Final = {"gateway": 350, "detector-cpu": 600}

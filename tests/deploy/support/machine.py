@@ -62,10 +62,11 @@ def checked(*command: str | Path) -> str:
     return ended.stdout
 
 
-def wheels(factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with wheels of fleetsight with EXTRAS and all that it needs, to install it without network."""
-    wheel = [sys.executable, "-m", "pip", "wheel", "--quiet", "--constraint", str(ROOT / "constraints.txt")]
-    return _once(factory, "wheels", lambda made: checked(*wheel, "--wheel-dir", made, f"{ROOT}[{EXTRAS}]", "hatchling"))
+def wheels(factory: pytest.TempPathFactory, extras: str = EXTRAS) -> Path:
+    """Return a folder with wheels of fleetsight with extras and all that it needs, to install it without network."""
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--constraint", str(ROOT / "constraints.txt")]
+    asked = [f"{ROOT}[{extras}]", "hatchling"]
+    return _once(factory, f"wheels-{extras}", lambda made: checked(*command, "--wheel-dir", made, *asked))
 
 
 def root_archive(factory: pytest.TempPathFactory) -> Path:

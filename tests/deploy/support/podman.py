@@ -15,7 +15,7 @@ from typing import Final
 
 import pytest
 
-from tests.deploy.support.machine import checked
+from tests.deploy.support.machine import checked, require_containers, root_archive
 from tests.deploy.support.units import DEPLOY
 
 BASE: Final = "localhost/debian"
@@ -44,6 +44,18 @@ TRIES = 5
 
 COMPOSE: Final = (sys.executable, "-m", "podman_compose")
 SIMULATED: Final = ("--profile", "simulated")
+
+
+@contextmanager
+def podman_with_debian(factory: pytest.TempPathFactory) -> Iterator["Podman"]:
+    """Yield a podman that has BASE; all that it makes goes away at the end."""
+    require_containers()
+    made = Podman()
+    try:
+        made.run("import", "--quiet", root_archive(factory), BASE)
+        yield made
+    finally:
+        made.close()
 
 
 class Podman:
@@ -162,15 +174,14 @@ class Podman:
 
     def build(self, wheels: Path, revision: str, *services: str) -> None:
         """Make the images of all services of compose.yaml, or of some, as podman-compose makes them."""
-        arguments = {
-            "BASE": BASE,
-            "PIP_OPTIONS": "--no-index --find-links=/wheels",
-            "VERSION": version("fleetsight"),
-            "REVISION": revision,
-        }
-        here = ["--quiet", "--isolation=chroot", "--network=host", "--format=docker", f"--volume={wheels}:/wheels:ro"]
-        options = shlex.join([*here, *(f"--build-arg={name}={value}" for name, value in arguments.items())])
+        options = shlex.join(["--quiet", *_build_options(wheels, revision)])
         self.compose(f"--podman-build-args={options}", "--parallel=1", *SIMULATED, "build", *services)
+
+    def build_target(self, wheels: Path, revision: str, target: str) -> None:
+        """Make the image of a target of the Containerfile, and keep nothing of what is made on the way to it."""
+        name = f"localhost/fleetsight-{target}"
+        what = [f"--file={DEPLOY / 'Containerfile'}", f"--target={target}", f"--tag={name}", "--layers=false"]
+        self.run("build", "--quiet", *_build_options(wheels, revision), *what, DEPLOY.parent)
 
     def once(self, image: str, *command: str, entry: str = "fleetsight") -> str:
         """Return the output of a command in a container that can write nothing and has no rights."""
@@ -185,3 +196,15 @@ class Podman:
         if overlay.is_mount():
             checked("umount", overlay)
         shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _build_options(wheels: Path, revision: str) -> list[str]:
+    """Return what `podman build` needs to make an image without network, of wheels in a folder."""
+    arguments = {
+        "BASE": BASE,
+        "PIP_OPTIONS": "--no-index --find-links=/wheels",
+        "VERSION": version("fleetsight"),
+        "REVISION": revision,
+    }
+    here = ["--isolation=chroot", "--network=host", "--format=docker", f"--volume={wheels}:/wheels:ro"]
+    return [*here, *(f"--build-arg={name}={value}" for name, value in arguments.items())]
