@@ -69,7 +69,8 @@ class Inventory:
     Every method that may add a member raises InventoryFullError when there are MAX_MEMBERS already and none is absent.
 
     room: which cameras make room for new ones. refused: class lists that came again, late or out of order, by camera.
-    ignored_opinions: second opinions of which that is so, or whose camera is not known.
+    ignored_opinions: second opinions of which that is so, or whose camera is not known. ignored_distances: distances of
+    which that is so.
     """
 
     def __init__(self, limits: TrustLimits | None = None) -> None:
@@ -81,6 +82,7 @@ class Inventory:
         self.member_limit = MemberLimit()
         self.refused = Counter[CameraKey]()
         self.ignored_opinions = 0
+        self.ignored_distances = 0
         self._class_room = ClassRoom()
         self._added = 0
         self._on_leave: list[WeakMethod[OnLeave]] = []
@@ -180,7 +182,9 @@ class Inventory:
         """Take distances; return False if they are a duplicate or late."""
         camera = self._camera(camera_key(distances.header.robot, distances.header.camera))
         self.member_limit.heard(camera.key)
-        return camera.measure(distances, at_ns)
+        taken = camera.measure(distances, at_ns)
+        self.ignored_distances += not taken
+        return taken
 
     def tick(self, now_ns: int) -> list[Change]:
         """Advance time; return the sightings that became unknown."""

@@ -97,6 +97,11 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
         "Second opinions that came again, late, or of cameras that are not known.",
         monitor.fleet.inventory.ignored_opinions,
     )
+    yield CounterMetricFamily(
+        "fleetsight_distances_ignored",
+        "Distances that came again, late, or with a number out of order.",
+        monitor.fleet.inventory.ignored_distances,
+    )
     yield CounterMetricFamily("fleetsight_history_lost", "History intervals dropped.", history.lost)
     yield GaugeMetricFamily("fleetsight_leads", "1 while this monitor raises the alerts.", history.leads)
     yield GaugeMetricFamily("fleetsight_rules", "Rules in force.", len(monitor.rules.book.rules))

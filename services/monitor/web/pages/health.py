@@ -76,6 +76,8 @@ def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
         "Opinions ignored",
         f"{ignored:,} that came again, late, or of cameras that are not known" if ignored else "none",
     )
+    late = monitor.fleet.inventory.ignored_distances
+    yield "Distances ignored", f"{late:,} that came again, late or out of order" if late else "none"
 
 
 def _refused(monitor: Monitor) -> str:

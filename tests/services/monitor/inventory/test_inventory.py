@@ -201,6 +201,8 @@ def test_distances_are_of_the_newest_frame_only() -> None:
     inventory.see(seen(0, {"box": 1}), S)
     assert inventory.measure(distances(known("box", 2.0), seq=1), S)
     assert not inventory.measure(distances(known("box", 1.0), seq=0), S)
+    assert not inventory.measure(distances(known("box", 1.0), seq=1), S)
+    assert inventory.ignored_distances == 2
     (entry,) = inventory.entries(S)
     assert entry.sighting.nearest_m == 2.125
     (entry,) = inventory.entries(S + 3 * S + 1)

@@ -98,6 +98,7 @@ async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: W
     web.monitor.fleet.left_out[ODD] += 3
     web.monitor.fleet.inventory.refused[CameraKey("r1", "front")] += 7
     web.monitor.fleet.inventory.ignored_opinions += 8
+    web.monitor.fleet.inventory.ignored_distances += 9
     web.monitor.alerting._delivery.webhooks.counts[ODD, Outcome.DROPPED] += 6
     async with await web.program() as program:
         answer = await program.get("/metrics")
@@ -116,6 +117,7 @@ async def test_metrics_are_prometheus_own_text_whatever_things_are_called(web: W
         assert found["fleetsight_webhook_alerts_total", "dropped", ODD] == 6
         assert found["fleetsight_camera_class_lists_refused_total", "front", "r1"] == 7
         assert found["fleetsight_opinions_ignored_total",] == 8
+        assert found["fleetsight_distances_ignored_total",] == 9
         assert found["fleetsight_worker_frames_inferred_total", "detector", "w1"] == 5
         assert found["fleetsight_worker_frames_dropped_total", "late", "detector", "w1"] == 2
         assert found["fleetsight_worker_busy_seconds_total", "detector", "w1"] == 1.5

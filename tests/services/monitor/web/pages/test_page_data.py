@@ -14,6 +14,7 @@ from services.monitor.web.pages.alerts import KeptAlerts
 from services.monitor.web.pages.health import MAX_NAMED, facts
 from services.monitor.web.pages.page_data import PageData
 from services.monitor.web.pages.rows.robots import RobotFilter
+from tests.schemas.results import distances
 from tests.services.monitor.inventory.seeing import seen
 from tests.services.monitor.web.pages.rows.test_alerts import ALERT
 from tests.services.monitor.web.serving import monitor_on
@@ -60,6 +61,7 @@ async def test_a_monitor_says_how_it_is() -> None:
     assert said["Rules"] == "none: start with --rules rules.yaml"
     assert said["Left out"] == "1,200 malformed messages"
     assert (said["Class lists not taken"], said["Opinions ignored"]) == ("none", "none")
+    assert said["Distances ignored"] == "none"
 
 
 async def test_a_monitor_says_which_cameras_lists_come_late_and_how_many_opinions_do() -> None:
@@ -70,12 +72,14 @@ async def test_a_monitor_says_which_cameras_lists_come_late_and_how_many_opinion
                 monitor.fleet.see(seen(1, {"box": 1}, key=CameraKey("r1", f"c{number}")), 1.0, S)
         for _ in range(3):
             monitor.fleet.opine(seen(1, {"box": 1}, key=CameraKey("r1", "c0")), S)
+            monitor.fleet.measure(distances(camera="c0"), S)
         said = dict(facts(monitor, monitor.started_ns))
     assert said["Class lists not taken"] == (
         "9 that came again, late or out of order: r1/c4 2, r1/c0 1, r1/c1 1, r1/c2 1, r1/c3 1, r1/c5 1"
         " and 2 more cameras"
     )
     assert said["Opinions ignored"] == "2 that came again, late, or of cameras that are not known"
+    assert said["Distances ignored"] == "2 that came again, late or out of order"
 
 
 async def test_a_monitor_whose_database_is_not_there_yet_says_so(tmp_path: Path) -> None:
