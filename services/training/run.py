@@ -6,6 +6,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 from services.simulator.world import CLASSES
 from services.training.card import model_card
@@ -25,6 +26,8 @@ from services.training.refining.run import NO_REFINER, refine
 from services.training.settings import DECISIVE, TrainingSettings
 from services.training.stages import stages_of
 from services.training.trainer import load_ultralytics
+
+MOST_NAMED: Final = 10
 
 log = logging.getLogger(__name__)
 
@@ -95,7 +98,7 @@ def _check_classes(settings: TrainingSettings, classes: Sequence[str], given: Ch
             raise TrainingError(f"--class-names {old}={new}: no data.yaml names {new!r}; those do {', '.join(classes)}")
     for names in (CLASSES, given.classes if given else ()):
         for new, times in Counter(settings.class_names.get(name, name) for name in names).items():
-            if times > 1:
+            if times > 1 and new in settings.class_names.values():
                 raise TrainingError(f"--class-names: {times} classes would be {new!r}; give each a name of its own")
     if given is None and not numbers_of(classes, settings.class_names):
         raise TrainingError(f"the simulator has none of {', '.join(classes)}: name weights to begin with by --from")
@@ -124,6 +127,8 @@ def _told(before: Sequence[str], after: Sequence[str], new_names: Mapping[str, s
     named = {new_names.get(name, name): name for name in before}
     new = [name for name in after if name not in named]
     left_out = [name for new_name, name in named.items() if new_name not in after]
+    if len(left_out) > MOST_NAMED:
+        left_out[MOST_NAMED:] = [f"{len(left_out) - MOST_NAMED} more"]
     told = f"classes: {', '.join(after)}"
     told += f"; new: {', '.join(new)}" if new else ""
     return told + (f"; left out, as no data.yaml names them: {', '.join(left_out)}" if left_out else "")

@@ -1,7 +1,7 @@
 """Settings of a training run."""
 
 from pathlib import Path
-from typing import Final, Self
+from typing import Any, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveInt, field_validator, model_validator
 
@@ -29,6 +29,9 @@ DECISIVE: Final = {
 }
 """The settings that determine the weights and their metrics on any machine."""
 
+FINE_TUNING: Final = {"images": 600, "refiner_images": 1500, "refiner_epochs": 1}
+"""Defaults of a run that begins with given weights: an afternoon on two cores, not a night."""
+
 MOST_WORKERS: Final = 1024
 """Torch's OpenMP has no stack for a hundred times as many threads."""
 
@@ -46,7 +49,9 @@ class TrainingSettings(BaseModel):
     seed: int = Field(
         default=1, ge=0, description="seed of the scenes and the training; the same seed gives the same data"
     )
-    images: PositiveInt = Field(default=6000, description="images to train on, two of each scene")
+    images: PositiveInt = Field(
+        default=6000, description="images to train on, two of each scene; 600 with --from unless given"
+    )
     holdout: PositiveInt = Field(default=300, description="images of other scenes to evaluate on, never trained on")
     coarse_epochs: int = Field(default=4, ge=0, description="first passes over the images, at half the size")
     epochs: PositiveInt = Field(default=2, description="passes over the images at their whole size")
@@ -56,11 +61,13 @@ class TrainingSettings(BaseModel):
     refiner_images: int = Field(
         default=12000,
         ge=0,
-        description="images of further scenes to train the refiner on, 1.6 MB on disk each; 0 for no refiner",
+        description="images of further scenes to train the refiner on, 1.6 MB on disk each; 0 for no refiner; 1500 with"
+        " --from unless given",
     )
     refiner_epochs: PositiveInt = Field(
         default=5,
-        description="passes of the refiner over the objects found in these; rare classes are drawn more often",
+        description="passes of the refiner over the objects found in these; rare classes are drawn more often; 1 with"
+        " --from unless given",
     )
     data: list[Path] = Field(
         default=[],
@@ -125,6 +132,12 @@ class TrainingSettings(BaseModel):
         default=Path("runs/warehouse-n-seg"),
         description="folder for data set and checkpoints; an interrupted run with the same settings resumes here",
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _takes_less_with_given_weights(cls, given: Any) -> Any:
+        begins = isinstance(given, dict) and (given.get("from") or given.get("start"))
+        return {**FINE_TUNING, **given} if begins else given
 
     @model_validator(mode="after")
     def _has_something_to_train_on(self) -> Self:

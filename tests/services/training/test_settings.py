@@ -26,3 +26,10 @@ def test_there_is_an_end_to_the_number_of_threads(workers: int) -> None:
     with pytest.raises(ValidationError, match="workers"):
         TrainingSettings(workers=workers)
     assert TrainingSettings(workers=1024).workers == 1024
+
+
+def test_a_run_that_begins_with_weights_takes_less_unless_told_otherwise() -> None:
+    scratch = TrainingSettings()
+    given = TrainingSettings.model_validate({"from": "a.pt", "data": ["site"], "refiner_epochs": 3})
+    assert (scratch.images, scratch.refiner_images, scratch.refiner_epochs) == (6000, 12000, 5)
+    assert (given.images, given.refiner_images, given.refiner_epochs) == (600, 1500, 3)
