@@ -275,6 +275,43 @@ async def test_workers_in_the_cluster_follow_their_own_load(
     assert series.value(query) == pytest.approx(0.8, rel=0.05)
 
 
+@pytest.mark.parametrize("service", ["distance", "cloud"])
+async def test_workers_with_depth_grow_and_shrink_with_their_load_and_do_not_flap(
+    site: Site, tmp_path: Path, service: str
+) -> None:
+    """Those that cannot keep up are busy all the time: how much more there is to do nobody knows."""
+    (scaled,) = (
+        each["spec"] for each in render({service: {"autoscaling": {"enabled": True}}}) if each["kind"] == "ScaledObject"
+    )
+    scaler, query = Scaler(scaled), scaled["triggers"][0]["metadata"]["query"]
+    noise = random.Random(3)  # noqa: S311 - the same numbers each time
+    series, pods, counts, busy_s = Series(tmp_path), [("w0", 0.0)], list[int](), Counter[str]()
+    for step, load in enumerate([0.4] * 10 + [3.5] * 50 + [0.4] * 60):
+        now_s = step * SCRAPE_S
+        ready = [name for name, ready_s in pods if ready_s <= now_s]
+        for name in ready:
+            busy_s[name] += min(1, load * noise.uniform(0.85, 1.15) / len(ready)) * SCRAPE_S  # type: ignore[assignment]
+            status = WorkerStatus(
+                service=service,
+                worker=f"{NAME}-{service}-5d9-{name}-7-cafe",
+                model="",
+                sent_ns=time.time_ns(),
+                cameras=[],
+                busy_s=busy_s[name],
+            )
+            site.monitors[0].fleet.worker_status(status, time.time_ns())
+        site.pass_time(0, ["d0"])
+        series.scrape(await site.text())
+        wished = scaler.decide(series.value(query), len(pods), now_s)
+        pods = [*pods[:wished], *((f"w{step}n{number}", now_s + START_S) for number in range(wished - len(pods)))]
+        counts.append(wished)
+    changes = [count for before, count in zip([0, *counts], counts, strict=False) if count != before]
+    top = changes.index(max(changes))
+    assert changes == [*sorted(changes[: top + 1]), *sorted(changes[top + 1 :], reverse=True)], counts
+    assert (changes[0], changes[-1]) == (1, 1)
+    assert 3.5 < max(changes) <= 6
+
+
 def test_the_rules_are_prometheus_own_and_the_query_is_one_of_them(query: str) -> None:
     assert "9 rules found" in check_rules(RULES)
     groups = yaml.safe_load(RULES.read_text(encoding="utf-8"))["groups"]

@@ -105,6 +105,13 @@ def test_a_service_runs_confined_under_its_own_user(machine: Machine, name: str)
     fields = dict(line.split(":\t", 1) for line in machine.run("cat", str(status)).splitlines() if ":\t" in line)
     assert fields["Uid"].split()[0] == machine.run("id", "--user", "fleetsight").strip() != "0"
     assert (fields["NoNewPrivs"], int(fields["CapEff"], 16)) == ("1", 0)
+    limit = re.search(
+        r"^Max open files +(\d+) +(\d+)", machine.run("cat", str(status.with_name("limits"))), re.MULTILINE
+    )
+    asked = re.search(r"^LimitNOFILE=(\d+)$", machine.run("systemctl", "cat", unit), re.MULTILINE)
+    assert limit
+    assert asked
+    assert {*limit.groups()} == {asked[1]}
 
 
 def test_no_unit_failed(machine: Machine) -> None:

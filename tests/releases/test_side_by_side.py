@@ -21,6 +21,7 @@ from tests.releases.installed import TODAY, Installed, process
 from tests.releases.record import make_history, plain
 from tests.releases.test_upgrade import EXPORTED, RELEASES, lost
 from tests.schemas.test_codec import MESSAGES
+from tests.services.monitor.history.support.postgresql import PostgreSQL
 from tests.services.monitor.history.test_store import opened
 from tests.waiting import PATIENCE_S, next_of, until
 
@@ -103,14 +104,17 @@ async def heartbeat_ns(history: str) -> int:
         return await store.heartbeat_ns() or 0
 
 
-@pytest.mark.parametrize("upgraded", ["centre", "robot"])
+@pytest.mark.parametrize(("upgraded", "database"), [("centre", "sqlite"), ("robot", "postgresql")])
 async def test_a_fleet_half_of_which_is_upgraded_works_and_its_history_goes_on(
-    installed: Installed, upgraded: str, tmp_path: Path
+    installed: Installed, upgraded: str, database: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     """Either half first; then the other, over the history that the first monitor left."""
     port = free_ports(2)
     master = port + 1
     endpoint, history = f"tcp/127.0.0.1:{port}", f"sqlite:///{tmp_path}/history.db"
+    if database == "postgresql":
+        server: PostgreSQL = request.getfixturevalue("postgresql")
+        history = server.create(f"turns_{port}")
     before: Sequence[str] = installed.command
     centre, robot = (TODAY, before) if upgraded == "centre" else (before, TODAY)
     connect = ("--connect", endpoint)

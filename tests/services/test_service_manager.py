@@ -14,10 +14,11 @@ import pytest
 
 INTERVAL_S = 0.4
 RUNNING = """
-    import asyncio, os
+    import asyncio, os, signal, time
     from services.toolbox import process
 
     async def main():
+        asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, time.sleep, 2.5)
         await asyncio.sleep(0.1)
         print(sorted(name for name in os.environ if name.startswith(("NOTIFY", "WATCHDOG"))), flush=True)
         await asyncio.sleep(60)
@@ -93,6 +94,18 @@ def test_it_is_told_again_and_again_until_the_process_stands_still(manager: Mana
         assert len(list(manager.rest(3 * INTERVAL_S))) <= 1, "what was on its way"
         child.send_signal(signal.SIGCONT)
         assert manager.next() == "WATCHDOG=1"
+        child.terminate()
+    assert child.returncode == 0
+
+
+def test_it_hears_nothing_while_something_holds_up_the_event_loop(manager: Manager) -> None:
+    with manager.start(interval_s=INTERVAL_S) as child:
+        assert child.stdout is not None
+        assert manager.next() == "READY=1"
+        child.stdout.readline()
+        child.send_signal(signal.SIGUSR1)
+        assert len(list(manager.rest(3 * INTERVAL_S))) <= 5, "what was on its way"
+        assert manager.next() == "WATCHDOG=1", "it goes on"
         child.terminate()
     assert child.returncode == 0
 

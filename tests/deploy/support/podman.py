@@ -37,7 +37,7 @@ tmp_dir = "{folder}/libpod"
 Runs where there is no systemd, with hybrid cgroups, and where limits cannot be raised. Only netavark has names.
 """
 
-DEADLINE_S: Final = 900
+DEADLINE_S: Final = 1800
 PATIENCE_S: Final = 60
 TRIES = 5
 
@@ -181,7 +181,8 @@ class Podman:
         """Make the image of a target of the Containerfile, and keep nothing of what is made on the way to it."""
         name = f"localhost/fleetsight-{target}"
         what = [f"--file={DEPLOY / 'Containerfile'}", f"--target={target}", f"--tag={name}", "--layers=false"]
-        self.run("build", "--quiet", *_build_options(wheels, revision), *what, DEPLOY.parent)
+        command = ["build", "--quiet", *_build_options(wheels, revision), *what]
+        self.run(*command, DEPLOY.parent)
 
     def once(self, image: str, *command: str, entry: str = "fleetsight") -> str:
         """Return the output of a command in a container that can write nothing and has no rights."""

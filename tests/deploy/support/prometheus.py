@@ -142,7 +142,7 @@ class Scaler:
         for policy in policies:
             before = self._within(self._replicas, policy["periodSeconds"], now_s)[0]
             change = policy["value"] if policy["type"] == "Pods" else before * policy["value"] / 100
-            limits.append(math.ceil(before + sign * change))
+            limits.append(math.ceil(before + change) if sign > 0 else math.floor(before - change))
         return limits
 
     @staticmethod
