@@ -69,8 +69,7 @@ class Inventory:
     Every method that may add a member raises InventoryFullError when there are MAX_MEMBERS already and none is absent.
 
     room: which cameras make room for new ones. refused: class lists that came again, late or out of order, by camera.
-    ignored_opinions: second opinions of which that is so, or whose camera is not known. ignored_distances: distances of
-    which that is so.
+    ignored_opinions, ignored_distances: others of which that is so; opinions also where their camera is not known.
     """
 
     def __init__(self, limits: TrustLimits | None = None) -> None:
