@@ -129,13 +129,13 @@ def doubts_of(folders: Sequence[Path]) -> Iterator[str]:
 def read_photographs(folder: Path, *splits: str, classes: Sequence[str] | None = None) -> list[Photograph]:
     """Return the photographs of these splits of a folder, in the order of their names.
 
-    classes: in the order of their indices, the folder's own among them, which they are by default.
+    classes: in the order of their indices, the folder's own among them; by default `classes_of` the folder.
 
     Raises:
         TrainingError: the folder has none of the splits or no picture there, or a line of a file cannot be read.
     """
     names = _names(folder)
-    classes = names if classes is None else classes
+    classes = classes_of([folder]) if classes is None else classes
     indices = [classes.index(name) for name in names]
     others = frozenset(range(len(classes))).difference(indices)
     known = _source_classes(folder / "incomplete.txt", classes)

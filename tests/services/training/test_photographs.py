@@ -2,6 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from services.training.files import TrainingError
 from services.training.photographs import classes_of, doubts_of, read_licences, read_photographs
@@ -144,6 +145,9 @@ def test_a_class_that_is_named_twice_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_the_simulator_s_classes_alone_are_in_its_order(tmp_path: Path, names: str, classes: tuple[str, ...]) -> None:
-    folder = folder_with(tmp_path, {"a_1": ""})
+    folder = folder_with(tmp_path, {"a_1": "1 0 0 1 0 1 1\n"})
     (folder / "data.yaml").write_text(f"names: {names}")
     assert classes_of([folder]) == classes
+    (photograph,) = read_photographs(folder, "train")
+    numbered = yaml.safe_load(names) or classes
+    assert classes[photograph.objects[0].class_index] == numbered[1], "as its number says in that file"
