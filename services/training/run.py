@@ -75,7 +75,7 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
         trained = fit(settings, material, progress, judge_on(photographs, settings, progress, load))
         checkpoint, unrefined = _averaged(settings, trained, start), work_dir / "unrefined.pt"
         write_weights(checkpoint, unrefined, settings.imgsz)
-        own = classes == CLASSES and Checkpoint.read(checkpoint).task == "segment"
+        own = classes == CLASSES and (given is None or given.task == "segment")
         refined = refine(settings, unrefined, refinement, progress) if own else NO_REFINER
         write_weights(checkpoint, settings.output, settings.imgsz, refined.kept)
     with metered(record):

@@ -5,10 +5,9 @@ from pathlib import Path
 import pytest
 
 from services.detector.frame_counts import REPLACED
-from tests.deploy.support.helm import CHART
+from tests.deploy.support.helm import RULES
 from tests.deploy.support.prometheus import raised, rules_of
 
-RULES = CHART / "files" / "rules.yaml"
 DETECTOR_W0 = f'{{service="detector", worker="w0", reason="{REPLACED}"}}'
 """Labels of series of a worker. Those that have no reason have one here."""
 

@@ -33,11 +33,12 @@ IMAGE = f"localhost/fleetsight-{TARGET}"
 PYTHON = "/opt/fleetsight/bin/python3"
 CONFINED = ("--read-only", "--tmpfs=/tmp", "--cap-drop=all", "--pull=never", "--network=host")
 PATIENCE_S = 180
+BUILD_S = 1800
 
 
 @pytest.fixture(scope="module")
 def podman(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Podman]:
-    with podman_with_debian(tmp_path_factory) as made:
+    with podman_with_debian(tmp_path_factory, BUILD_S) as made:
         made.build_target(wheels(tmp_path_factory, ",".join(ALL_EXTRAS[TARGET])), REVISION, TARGET)
         yield made
 

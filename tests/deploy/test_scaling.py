@@ -19,7 +19,7 @@ from services.detector.frame_counts import REPLACED, STALE, TOO_MANY
 from services.monitor.liveness import STALLED_S
 from services.monitor.monitor import Monitor
 from services.monitor.web.metrics import metrics_of
-from tests.deploy.support.helm import CHART, NAME, find, render
+from tests.deploy.support.helm import NAME, RULES, find, render
 from tests.deploy.support.prometheus import SCRAPE_S, Scaler, Series, check_rules
 from tests.services.monitor.web.serving import monitor_on
 
@@ -29,8 +29,6 @@ CALL_S = 0.05
 
 START_S = 45
 """Until a new pod has its model loaded and its cameras."""
-
-RULES = CHART / "files" / "rules.yaml"
 
 
 @pytest.fixture(scope="module")

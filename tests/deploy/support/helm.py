@@ -12,6 +12,7 @@ from tests.deploy.support.units import DEPLOY
 from tests.missing import require_debian
 
 CHART: Final = DEPLOY / "helm" / "fleetsight"
+RULES: Final = CHART / "files" / "rules.yaml"
 HELM: Final = Path(sys.executable).parent / "helm"
 NAME: Final = "demo-fleetsight"
 """What objects of a release called demo begin with."""

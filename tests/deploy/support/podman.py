@@ -37,7 +37,7 @@ tmp_dir = "{folder}/libpod"
 Runs where there is no systemd, with hybrid cgroups, and where limits cannot be raised. Only netavark has names.
 """
 
-DEADLINE_S: Final = 1800
+DEADLINE_S: Final = 900
 PATIENCE_S: Final = 60
 TRIES = 5
 
@@ -47,10 +47,10 @@ SIMULATED: Final = ("--profile", "simulated")
 
 
 @contextmanager
-def podman_with_debian(factory: pytest.TempPathFactory) -> Iterator["Podman"]:
-    """Yield a podman that has BASE; all that it makes goes away at the end."""
+def podman_with_debian(factory: pytest.TempPathFactory, deadline_s: float = DEADLINE_S) -> Iterator["Podman"]:
+    """Yield a podman that has BASE; all that it makes goes away at the end. deadline_s: for each of its commands."""
     require_containers()
-    made = Podman()
+    made = Podman(deadline_s)
     try:
         made.run("import", "--quiet", root_archive(factory), BASE)
         yield made
@@ -64,7 +64,8 @@ class Podman:
     environment: has any podman use that store.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, deadline_s: float = DEADLINE_S) -> None:
+        self._deadline_s = deadline_s
         # Of a long name, as pytest's folders have, conmon cannot make its sockets: each container takes 20 s more.
         self._folder = folder = Path(tempfile.mkdtemp(prefix="podman-"))
         (folder / "containers.conf").write_text(CONFIGURATION.format(folder=folder), encoding="utf-8")
@@ -87,7 +88,7 @@ class Podman:
             text=True,
             check=False,
             env={**self._inherited, **environment},
-            timeout=DEADLINE_S,
+            timeout=self._deadline_s,
         )
         assert ended.returncode == 0, f"{command}: {ended.stdout[-2000:]}{ended.stderr[-4000:]}"
         return ended.stdout
@@ -181,8 +182,7 @@ class Podman:
         """Make the image of a target of the Containerfile, and keep nothing of what is made on the way to it."""
         name = f"localhost/fleetsight-{target}"
         what = [f"--file={DEPLOY / 'Containerfile'}", f"--target={target}", f"--tag={name}", "--layers=false"]
-        command = ["build", "--quiet", *_build_options(wheels, revision), *what]
-        self.run(*command, DEPLOY.parent)
+        self.run("build", "--quiet", *_build_options(wheels, revision), *what, DEPLOY.parent)
 
     def once(self, image: str, *command: str, entry: str = "fleetsight") -> str:
         """Return the output of a command in a container that can write nothing and has no rights."""

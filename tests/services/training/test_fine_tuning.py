@@ -40,6 +40,12 @@ class Interrupted(Exception):  # noqa: N818 - what an interruption is, not an er
     """Stops a run from within its progress report."""
 
 
+def stopped_before_training(stage: str, _done: int, _total: int) -> None:
+    """Report progress of a run until its data are made."""
+    if stage.startswith("train"):
+        raise Interrupted
+
+
 def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_path: Path) -> None:
     given = {"from": SHIPPED_MODEL, "data": [photographs(tmp_path / "data")], "keep": 0.5, "data_rate": 1e-3}
     settings = settings_for(tmp_path, **given)
@@ -87,14 +93,10 @@ def test_a_run_begins_with_given_weights_and_goes_on_after_an_interruption(tmp_p
 
 
 def test_few_photographs_do_not_drown_in_plain_pictures(tmp_path: Path) -> None:
-    def interrupt(name: str, *_: int) -> None:
-        if name.startswith("train"):
-            raise Interrupted
-
     given = {"from": SHIPPED_MODEL, "data": [photographs(tmp_path / "data")], "collages": 300}
     settings = settings_for(tmp_path, **given)
     with pytest.raises(Interrupted):
-        train(settings, interrupt, open_weights, REFINEMENT)
+        train(settings, stopped_before_training, open_weights, REFINEMENT)
     assert [file.name for file in (settings.work_dir / "made").iterdir()] == ["plain_00000.jpg"]
 
 

@@ -16,7 +16,13 @@ from services.training.run import train
 from services.training.settings import TrainingSettings
 from services.training.stages import BestEpoch, stages_of
 from services.training.trainer import load_ultralytics
-from tests.services.training.test_fine_tuning import PICTURES, Interrupted, photographs, settings_for
+from tests.services.training.test_fine_tuning import (
+    PICTURES,
+    Interrupted,
+    photographs,
+    settings_for,
+    stopped_before_training,
+)
 
 
 def folder_with(folder: Path, *names: str) -> Path:
@@ -104,16 +110,11 @@ def test_another_run_s_classes_are_not_taken_for_this_one_s(tmp_path: Path) -> N
     data = folder_with(tmp_path / "data", "box", "pallet", "forklift", "tote: blue")
     settings = settings_for(tmp_path, **{"from": SHIPPED_MODEL, "data": [data]})
     with pytest.raises(Interrupted):
-        train(settings, interrupt, open_weights, REFINEMENT)
+        train(settings, stopped_before_training, open_weights, REFINEMENT)
     assert yaml.safe_load((settings.work_dir / "data/dataset.yaml").read_text())["names"][3] == "tote: blue"
     (data / "data.yaml").write_text("names: [tote, box, pallet, forklift]")
     with pytest.raises(TrainingError, match="holds a run with other settings"):
         train(settings, lambda *_: None, open_weights, REFINEMENT)
-
-
-def interrupt(stage: str, _done: int, _total: int) -> None:
-    if stage.startswith("train"):
-        raise Interrupted
 
 
 def test_no_epoch_is_waited_for_before_anything_was_found(tmp_path: Path) -> None:
