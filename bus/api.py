@@ -31,9 +31,16 @@ class QoS(Enum):
     """Like RESULT at normal priority."""
 
 
+LATEST_BYTES: Final = 1 << 28
+"""Of the newest samples of all keys of a subscription: twice the largest message."""
+
+
 @dataclass(frozen=True, slots=True)
 class Latest:
-    """Keep the newest sample of each key; the key served longest ago is next."""
+    """Keep the newest sample of each key, of LATEST_BYTES together; the key served longest ago is next.
+
+    One that has no room beside those of other keys is dropped.
+    """
 
 
 QUEUE_BYTES: Final = 1 << 30

@@ -45,11 +45,24 @@ class _Slot(Generic[T]):
 
 @final
 class PerKey(Generic[K, T]):
-    """Keep the `depth` newest items of each key; the key served longest ago is next."""
+    """Keep the `depth` newest items of each key; the key served longest ago is next.
 
-    def __init__(self, depth: int = 1, *, max_keys: int = MAX_KEYS) -> None:
+    What has no room within `most_bytes` beside that of other keys is dropped. size: the bytes of an item.
+    """
+
+    def __init__(
+        self,
+        depth: int = 1,
+        *,
+        max_keys: int = MAX_KEYS,
+        most_bytes: int = sys.maxsize,
+        size: Callable[[T], int] = lambda _: 0,
+    ) -> None:
         self._depth = depth
         self._max_keys = max_keys
+        self._most_bytes = most_bytes
+        self._size = size
+        self._bytes = 0
         self._waiting: dict[K, _Slot[T]] = {}
         self._idle: OrderedDict[K, int] = OrderedDict()
         self._ready: list[tuple[int, int, K]] = []
@@ -57,22 +70,32 @@ class PerKey(Generic[K, T]):
         self._arrival = 0
 
     def offer(self, key: K, item: T, depth: int = 0) -> int:
-        """Add an item; return the number of older items of its key dropped, or 1 if there is no room for a new key.
+        """Add an item; return the number of older items of its key dropped, or 1 if there is no room for it.
 
         depth: how many of this key may wait now, if that is more than of others.
         """
         slot = self._waiting.get(key)
         if slot is None:
-            if len(self._waiting) >= self._max_keys:
+            if len(self._waiting) >= self._max_keys or not self._has_room(item, 0):
                 return 1
             slot = self._waiting[key] = _Slot(deque(), self._idle.pop(key, 0))
             self._enlist(key, slot)
         dropped = max(0, len(slot.items) + 1 - max(self._depth, depth))
+        gone = sum(self._size(slot.items[number]) for number in range(dropped))
+        if not self._has_room(item, gone):
+            slot.dropped += 1
+            return 1
         for _ in range(dropped):
             slot.items.popleft()
         slot.dropped += dropped
         slot.items.append(item)
+        self._bytes += self._size(item) - gone
         return dropped
+
+    def _has_room(self, item: T, gone: int) -> bool:
+        """Return whether an item fits once others of so many bytes are gone; one alone always does."""
+        left = self._bytes - gone
+        return not left or left + self._size(item) <= self._most_bytes
 
     def take(self) -> Taken[K, T] | None:
         """Take the oldest item of the key that was served longest ago."""
@@ -81,6 +104,7 @@ class PerKey(Generic[K, T]):
         _, _, key = heapq.heappop(self._ready)
         slot = self._waiting[key]
         taken = Taken(key, slot.items.popleft(), slot.dropped)
+        self._bytes -= self._size(taken.item)
         self._turn += 1
         slot.served, slot.dropped = self._turn, 0
         if slot.items:
@@ -100,6 +124,7 @@ class PerKey(Generic[K, T]):
             return []
         self._ready = [entry for entry in self._ready if entry[2] != key]
         heapq.heapify(self._ready)
+        self._bytes -= sum(map(self._size, slot.items))
         return list(slot.items)
 
     def _enlist(self, key: K, slot: _Slot[T]) -> None:

@@ -7,7 +7,7 @@ from typing import Final, Self, assert_never
 
 from msgspec.structs import replace
 
-from bus.api import Latest, Presence, Queue, Sample, SubscriptionCounts
+from bus.api import LATEST_BYTES, Latest, Presence, Queue, Sample, SubscriptionCounts
 from bus.delivery.inbox import Inbox
 from bus.delivery.mailbox import Fifo, InTurn, Mailbox, PerKey, Taken
 from bus.keys import whose
@@ -27,7 +27,7 @@ def _bytes_of(sample: Sample) -> int:
 def _mailbox(keep: Latest | Queue) -> Mailbox[str, Sample]:
     match keep:
         case Latest():
-            return PerKey()
+            return PerKey(most_bytes=LATEST_BYTES, size=_bytes_of)
         case Queue(depth, most_bytes, in_turn=False):
             return Fifo(depth, most_bytes, _bytes_of)
         case Queue(depth, most_bytes):

@@ -64,6 +64,8 @@ class Sharing:
         self._leaves = leaves
         self._own = OwnCameras(self._worker)
         self._joined = False
+        self._stalled, self._answers = asyncio.Event(), asyncio.Event()
+        self._answers.set()
         self._news = asyncio.Event()
         self._tasks: dict[CameraKey, Task[None]] = {}
         self._ending: dict[CameraKey, Task[None]] = {}
@@ -84,6 +86,11 @@ class Sharing:
                 await self._take_part(group)
             finally:
                 await self._hand_over(group)
+
+    def stall(self, *, stalled: bool) -> None:
+        """Show which cameras it serves, or none while its work stands still: then other workers take them."""
+        (self._stalled.set if stalled else self._stalled.clear)()
+        (self._answers.clear if stalled else self._answers.set)()
 
     async def _take_part(self, group: TaskGroup) -> None:
         async with AsyncExitStack() as stack:
@@ -151,8 +158,10 @@ class Sharing:
         with suppress(TimeoutError):
             async with asyncio.timeout(TAKE_OVER_S):
                 await took_over.wait()
-        async with self._bus.announce(str(Serves(self._service, self._worker, camera))):
-            await asyncio.Event().wait()
+        while True:
+            await self._answers.wait()
+            async with self._bus.announce(str(Serves(self._service, self._worker, camera))):
+                await self._stalled.wait()
 
     async def _note(self, watch: Watch, take: Callable[[Presence], bool]) -> None:
         async for presence in watch:

@@ -68,7 +68,15 @@ class CloudWorker:
         self._changed: defaultdict[str, asyncio.Event] = defaultdict(asyncio.Event)
         self._budget = MemoryBudget(settings.memory_mib * MIB)
         tokens = settings.tokens(SERVICE)
-        self._worker = Worker(bus, tokens, Tallies(Tally), self._serve, details=self._details, join_s=join_s)
+        self._worker = Worker(
+            bus,
+            tokens,
+            Tallies(Tally),
+            self._serve,
+            details=self._details,
+            pending=self._executor.pending,
+            join_s=join_s,
+        )
 
     async def run(self) -> None:
         """Work until cancelled; then hand over and end."""

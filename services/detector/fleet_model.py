@@ -25,11 +25,11 @@ from services.detector.model import (
     Request,
     TuningError,
 )
-from services.detector.watchdog import HUNG, WATCH_S
+from services.worker.watchdog import CHECK_S, HUNG
 
 log = logging.getLogger(__name__)
 
-TRIAL_S: Final = HUNG * WATCH_S / 2
+TRIAL_S: Final = HUNG * CHECK_S / 2
 """Seconds that a call may take where another model can answer instead: that is before the worker counts as hung."""
 
 BOXES_ONLY: Final = {

@@ -18,10 +18,9 @@ from schemas.status import UNWANTED
 from services.detector.camera import CameraOutputs
 from services.detector.frame_counts import LATE, STALE, FrameCounts
 from services.detector.frame_queue import FrameQueue, QueuedFrame
-from services.detector.model import DetectedObjects, Model, Outcome, Request
+from services.detector.model import DetectedObjects, Model, Outcome, Request, end_if_hung
 from services.detector.regions import Regions
 from services.detector.tracking.tracks import Tracking
-from services.detector.watchdog import watch
 
 BATCH_WAIT_S: Final = 0.005
 """Seconds that a batch waits for more cameras' frames."""
@@ -104,7 +103,7 @@ class Inference:
             async with TaskGroup() as group:
                 group.create_task(self._publish_classes())
                 group.create_task(self._publish_objects())
-                group.create_task(watch(lambda: self._model.name, lambda: self._done if self._calls else None))
+                group.create_task(end_if_hung(lambda: self._model.name, self.pending))
                 await self._take(group)
         finally:
             for settled in self._last.values():  # frames in flight will not be published
@@ -114,6 +113,10 @@ class Inference:
         """Wait until the camera's frames in flight are published or dropped."""
         if key in self._last:
             await self._last[key].wait()
+
+    def pending(self) -> object:
+        """Return by what the model's next answer is known, None while it is asked nothing; see `unanswered`."""
+        return self._done if self._calls else None
 
     def totals(self) -> Totals:
         """Return the counts of all frames so far."""

@@ -1,6 +1,6 @@
 """The interface of a model to a worker, independent of the library that runs it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Protocol
 
@@ -9,6 +9,7 @@ from schemas.header import Spans
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.tuning import Tuning
+from services.worker import watchdog
 
 SILENT: Final = "overlay/segmentation, distances and objects are silent"
 """The end of a remark that says that a model has no masks."""
@@ -128,3 +129,14 @@ class Model(Protocol):
         Raises:
             ModelError: the model is of no more use to anybody.
         """
+
+
+async def end_if_hung(name: Callable[[], str], pending: Callable[[], object]) -> None:
+    """Watch a model until cancelled. name: returns the model's. pending: see `unanswered`.
+
+    Raises:
+        ModelError: it does not answer any more.
+    """
+    async for checks in watchdog.unanswered(pending):
+        if checks >= watchdog.HUNG:
+            raise ModelError(f"{name()} has not answered for {watchdog.HUNG * watchdog.CHECK_S:g} s")

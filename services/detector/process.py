@@ -92,7 +92,14 @@ class DetectorWorker:
             regions=regions or Regions(()),
         )
         self._worker = Worker(
-            bus, tokens, self._accounts, self._serve, details=self._details, join_s=join_s, leaves=self._leaving.begin
+            bus,
+            tokens,
+            self._accounts,
+            self._serve,
+            details=self._details,
+            pending=self._inference.pending,
+            join_s=join_s,
+            leaves=self._leaving.begin,
         )
 
     async def run(self) -> None:

@@ -14,9 +14,8 @@ from schemas.detections import Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from services.detector import tuning
-from services.detector.model import Failed, Model, ModelError, Outcome, Request
+from services.detector.model import Failed, Model, ModelError, Outcome, Request, end_if_hung
 from services.detector.stills import ROBOT, StillError, frame_of
-from services.detector.watchdog import watch
 from services.detector.worker_role import DETECTOR, WorkerRole
 from services.worker.thread import worker_thread
 
@@ -67,7 +66,7 @@ async def answering(
         stills = Stills(model, worker, thread, leaving or Leaving(), group)
         stack.callback(stills.close)
         if not role.lists_only:
-            watching = group.create_task(watch(lambda: model.name, lambda: stills.asking))
+            watching = group.create_task(end_if_hung(lambda: model.name, lambda: stills.asking))
             stack.callback(watching.cancel)
             await stack.enter_async_context(bus.serve(worker_keys.infer(worker), stills.answer, waiting=WAITING))
             stack.push_async_callback(stills.finish)

@@ -39,6 +39,7 @@ class DistanceWorker:
             Tallies(DetectionCounts),
             self._serve,
             details=lambda: {"busy_s": self._executor.busy_s},
+            pending=self._executor.pending,
             join_s=join_s,
         )
 

@@ -34,6 +34,10 @@ class TimedExecutor(Executor):
         since_s = self._since_s
         return self._ended_s + (0.0 if since_s is None else time.monotonic() - since_s)
 
+    def pending(self) -> object:
+        """Return by what the running call is known, None while there is none; see `unanswered`."""
+        return self._since_s
+
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Run a call once the thread is free."""
         return self._executor.submit(self._run, fn, *args, **kwargs)

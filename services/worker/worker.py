@@ -1,5 +1,6 @@
 """The skeleton of every worker: shares cameras with its service's other workers, serves its own, reports status."""
 
+import logging
 import time
 from asyncio import TaskGroup
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
@@ -19,6 +20,7 @@ from schemas.keys import CameraKey, Stream
 from schemas.status import WorkerStatus
 from schemas.worker_keys import WorkerAlive, worker_status
 from services import service_manager
+from services.worker.watchdog import CHECK_S, STALLED, unanswered
 
 T = TypeVar("T", bound=Tally)
 
@@ -30,12 +32,15 @@ def _no_details() -> Mapping[str, Any]:
     return {}
 
 
+log = logging.getLogger(__name__)
+
+
 class Worker(Generic[T]):
     """One worker of a service.
 
     tokens: how it announces itself, see `SharingSettings.tokens`. tallies: one for each camera it serves. details:
-    returns the fields of its status beside those that every worker fills in. join_s: see `Sharing`. leaves: called
-    when it begins to hand over.
+    returns the fields of its status beside those that every worker fills in. pending: by what the next answer to its
+    calls is known, see `unanswered`. join_s: see `Sharing`. leaves: called when it begins to hand over.
     """
 
     def __init__(
@@ -46,6 +51,7 @@ class Worker(Generic[T]):
         serve: ServeCamera[T],
         *,
         details: Callable[[], Mapping[str, Any]] = _no_details,
+        pending: Callable[[], object] = lambda: None,
         join_s: float = JOIN_S,
         leaves: Callable[[], None] = lambda: None,
     ) -> None:
@@ -54,6 +60,7 @@ class Worker(Generic[T]):
         self._tallies = tallies
         self._serve_camera = serve
         self._details = details
+        self._pending = pending
         self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s, leaves=leaves)
 
     async def run(self, *alongside: Coroutine[None, None, None]) -> None:
@@ -64,11 +71,21 @@ class Worker(Generic[T]):
             key = worker_status(self._service, self._name)
             group.create_task(report(self._bus, key, WorkerStatus, self._status))
             group.create_task(service_manager.say_serving(lambda: self._bus.link_problem))
+            group.create_task(self._watch_calls())
             await self._sharing.run()
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
         with self._tallies.serving(key) as tally:
             await self._serve_camera(key, tally, took_over)
+
+    async def _watch_calls(self) -> None:
+        """While a call does not answer, show no longer that cameras are served, so that other workers take them."""
+        stalled = False
+        async for checks in unanswered(self._pending):
+            if checks >= STALLED and not stalled:
+                log.info("a call has not answered for %g s: other workers may take the cameras", checks * CHECK_S)
+            stalled = checks >= STALLED
+            self._sharing.stall(stalled=stalled)
 
     def _status(self) -> WorkerStatus:
         status = WorkerStatus(

@@ -37,6 +37,16 @@ def test_per_key_has_room_for_so_many_keys() -> None:
     assert [box.take(), box.take()] == [Taken(2, 2, 0), Taken(3, 3, 0)]
 
 
+def test_per_key_has_room_for_so_many_bytes_and_always_for_one_item() -> None:
+    box: PerKey[str, int] = PerKey(most_bytes=10, size=lambda item: item)
+    assert [box.offer("a", 6), box.offer("b", 4), box.offer("c", 1), box.offer("b", 5)] == [0, 0, 1, 1]
+    assert [box.offer("a", 5), box.offer("b", 5)] == [1, 1]
+    assert [box.take(), box.take(), box.take()] == [Taken("a", 5, 1), Taken("b", 5, 2), None]
+    assert [box.offer("c", 99), box.offer("c", 98), box.offer("a", 1)] == [0, 1, 1]
+    assert box.discard("c") == [98]
+    assert [box.offer("a", 10), box.take()] == [0, Taken("a", 10, 0)]
+
+
 def test_per_key_forgets_a_discarded_key() -> None:
     box: PerKey[str, int] = PerKey(depth=3)
     for number in range(3):

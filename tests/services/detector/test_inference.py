@@ -15,7 +15,6 @@ from schemas import codec, keys
 from schemas.detections import ClassList, Detection, Detections
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream
-from services.detector import watchdog
 from services.detector.camera import CameraOutputs, serving
 from services.detector.frame_counts import FAILED, LATE, MALFORMED, STALE, FrameCounts
 from services.detector.frame_queue import FrameQueue, QueuedFrame
@@ -24,6 +23,7 @@ from services.detector.model import Failed, ModelError
 from services.detector.regions import Regions
 from services.detector.tracking.tracks import Tracking
 from services.toolbox.logs import RateLimit, RateLimitFilter
+from services.worker import watchdog
 from tests.schemas.frames import header, image
 from tests.services.detector.support.told_model import FATAL, ToldModel
 from tests.waiting import PATIENCE_S, next_of, until
@@ -287,7 +287,7 @@ async def test_a_model_that_is_of_no_more_use_ends_it(bus: Bus) -> None:
 
 
 async def test_a_model_that_never_answers_ends_it(bus: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watchdog, "WATCH_S", 0.005)
+    monkeypatch.setattr(watchdog, "CHECK_S", 0.005)
     rig = Rig(ToldModel())
 
     async def wait_for_it() -> None:

@@ -15,10 +15,11 @@ from schemas import codec, worker_keys
 from schemas.detections import Detections
 from schemas.image import ImageFrame
 from schemas.tuning import Tuning
-from services.detector import requests, watchdog
+from services.detector import requests
 from services.detector.model import ModelError
 from services.detector.requests import answering
 from services.detector.stills import frame_of
+from services.worker import watchdog
 from tests.services.detector.support.fakes import FakeModel
 from tests.waiting import PATIENCE_S
 
@@ -85,7 +86,7 @@ async def test_whoever_asks_a_model_that_works_no_longer_hears_why_and_the_worke
 async def test_a_model_that_never_answers_ends_the_worker_also_when_nobody_waits_any_longer(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(watchdog, "WATCH_S", 0.02)
+    monkeypatch.setattr(watchdog, "CHECK_S", 0.02)
     model = FakeModel()
     model.may_answer.clear()
     async with ended_by(model, r"^fake has not answered for 1\.2 s$") as bus:

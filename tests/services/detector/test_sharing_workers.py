@@ -8,10 +8,10 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 import msgspec
 import pytest
 
-from bus import QUEUE, Bus, Publisher, QoS, Subscription
+from bus import QUEUE, Bus, Publisher, QoS, Subscription, Watch
 from bus.fake import FakeNetwork
 from bus.sharing.camera_assignment import owner
-from schemas import codec, consumer_keys, keys
+from schemas import codec, consumer_keys, keys, worker_keys
 from schemas.budget import RateBudget
 from schemas.detections import ClassList
 from schemas.image import ImageFrame
@@ -120,6 +120,29 @@ async def test_a_model_that_hangs_does_not_keep_a_worker_from_ending(rig: Rig) -
         await rig.wanted()
         rig.send()
         await until(lambda: len(model.calls) == 1)
+
+
+async def test_cameras_of_a_worker_whose_model_hangs_are_served_by_another_until_it_answers(rig: Rig) -> None:
+    hung = ToldModel()
+    async with rig.worker(A, hung), rig.bus.watch(worker_keys.every_serves("detector")) as serves:
+        await rig.wanted()
+        rig.send()
+        await until(lambda: len(hung.calls) == 1)
+        async with rig.worker(B, ToldModel(at_once=True)):
+            await rig.shared({"b": OF_A | OF_B})
+            assert {worker_keys.parse_serves(each).worker for each in await _shown(serves)} == {"b"}
+            hung.answer_at_once()
+            await rig.shared({"a": OF_A, "b": OF_B})
+
+
+async def _shown(serves: Watch) -> set[str]:
+    """Return the tokens that are there."""
+    shown = set[str]()
+    with suppress(TimeoutError):
+        async with asyncio.timeout(0.1):
+            async for presence in serves:
+                (shown.add if presence.alive else shown.discard)(presence.key)
+    return shown
 
 
 async def test_a_worker_that_cannot_keep_up_says_what_it_can_use(rig: Rig) -> None:

@@ -2,13 +2,13 @@ import asyncio
 
 import pytest
 
-from services.detector import watchdog
-from services.detector.model import ModelError
-from services.detector.watchdog import HUNG, watch
+from services.detector.model import ModelError, end_if_hung
+from services.worker import watchdog
+from services.worker.watchdog import HUNG
 
 
 async def test_a_model_that_answers_or_is_asked_nothing_is_not_hung(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watchdog, "WATCH_S", 0)
+    monkeypatch.setattr(watchdog, "CHECK_S", 0)
     looks = 0
 
     def pending() -> object:
@@ -20,5 +20,5 @@ async def test_a_model_that_answers_or_is_asked_nothing_is_not_hung(monkeypatch:
 
     with pytest.raises(ModelError, match=r"^yolo after 420 looks has not answered for 0 s$"):
         async with asyncio.timeout(60):
-            await watch(lambda: f"yolo after {looks} looks", pending)
+            await end_if_hung(lambda: f"yolo after {looks} looks", pending)
     assert looks == 7 * HUNG
