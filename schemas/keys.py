@@ -48,6 +48,9 @@ NAMED_STREAMS: Final = frozenset({TEXT, ROS})
 
 MAX_NAMED: Final = 200
 
+MOST_CAMERAS: Final = 256
+"""Of one robot, that monitor and workers follow: none can take the others' room."""
+
 
 class Stream(StrEnum):
     """The streams of a camera."""

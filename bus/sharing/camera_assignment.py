@@ -1,12 +1,14 @@
 """The owner of each camera among the workers that are present, by weighted rendezvous hashing. Pure."""
 
 import math
+import sys
 from collections import Counter, defaultdict
 from collections.abc import Collection
 from hashlib import blake2b
 from typing import Final, TypeVar
 
 from schemas.keys import CameraKey
+from schemas.status import MAX_STREAMS
 from schemas.worker_keys import Serves, WorkerAlive
 
 T = TypeVar("T")
@@ -14,7 +16,8 @@ T = TypeVar("T")
 MAX_WORKERS: Final = 1_000
 MAX_CAMERAS: Final = 10_000
 MAX_TAKEN: Final = 2 * MAX_CAMERAS
-"""Tokens for cameras taken over that are kept. When there are so many, no worker counts as idle."""
+"""Tokens for cameras taken over that are kept, of each worker as many as it can serve at most. A worker whose token is
+not kept counts as idle: so a flood of tokens costs that cameras are served twice, and never that one is not."""
 
 TAKE_OVER_S: Final = 2.0
 """A worker that has served a camera for so long says that it has taken it over, whether results came or not."""
@@ -49,7 +52,7 @@ class CameraAssignment:
     A worker says with a token that it has taken a camera over, at the latest TAKE_OVER_S after it began to serve it.
     One that is present and does not take a camera over, since it is at its limit or only a token, loses it to the next
     one after IDLE_S. It gets the camera back as soon as it shows that token. Next are those that have taken over any
-    camera: many that are only tokens would otherwise take IDLE_S each.
+    camera, and the worker that looks: many that are only tokens would otherwise take IDLE_S each.
 
     me: the worker that looks; it never passes over itself.
     """
@@ -65,8 +68,9 @@ class CameraAssignment:
         self._passed: dict[CameraKey, set[str]] = {}
 
     def worker(self, token: WorkerAlive, *, alive: bool) -> bool:
-        """Note that a worker came or went; return whether that is new. Those over MAX_WORKERS are ignored."""
-        news = _note(self._workers, token, alive=alive, limit=MAX_WORKERS)
+        """Note that a worker came or went; return whether that is new. Others over MAX_WORKERS are ignored."""
+        limit = sys.maxsize if token.worker == self._me else MAX_WORKERS
+        news = _note(self._workers, token, alive=alive, limit=limit)
         if news and alive:
             self._compare(token)
         elif news:
@@ -80,7 +84,8 @@ class CameraAssignment:
     def taken(self, token: Serves, *, alive: bool) -> bool:
         """Note that a worker took a camera over or released it; return whether that is new."""
         workers = self._taken[token.camera]
-        news = _note(workers, token.worker, alive=alive, limit=len(workers) + MAX_TAKEN - self._taken_count)
+        full = self._taken_count >= MAX_TAKEN or self._serving[token.worker] >= MAX_STREAMS
+        news = _note(workers, token.worker, alive=alive, limit=0 if full else sys.maxsize)
         if news:
             self._taken_count += 1 if alive else -1
             self._note_serving(token.worker, 1 if alive else -1)
@@ -96,7 +101,7 @@ class CameraAssignment:
 
     def is_idle(self, camera: CameraKey, worker: str) -> bool:
         """Return whether a worker has not taken a camera over, as far as is known: see MAX_TAKEN."""
-        return worker not in self._taken.get(camera, ()) and self._taken_count < MAX_TAKEN
+        return worker not in self._taken.get(camera, ())
 
     def owner(self, camera: CameraKey, now_s: float) -> str | None:
         """Return a camera's owner, None where no worker may serve it. now_s: any steady clock."""
@@ -117,7 +122,7 @@ class CameraAssignment:
         if not passed:
             return owner(camera, self._workers)
         able = [each for each in self._workers if each.worker not in passed]
-        serving = [each for each in able if each.worker in self._serving]
+        serving = [each for each in able if each.worker in self._serving or each.worker == self._me]
         return owner(camera, serving) or owner(camera, able)
 
     def _note_serving(self, worker: str, change: int) -> None:

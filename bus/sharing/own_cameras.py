@@ -1,7 +1,10 @@
 """One worker's share of the cameras. Pure."""
 
+from collections.abc import Iterator
+from itertools import zip_longest
+
 from bus.sharing.camera_assignment import MAX_CAMERAS, CameraAssignment
-from schemas.keys import CameraKey
+from schemas.keys import MOST_CAMERAS, CameraKey
 from schemas.worker_keys import Serves, WorkerAlive
 
 
@@ -15,7 +18,8 @@ class OwnCameras:
     def __init__(self, worker: str) -> None:
         self._worker = worker
         self._assignment = CameraAssignment(worker)
-        self._cameras: dict[CameraKey, None] = {}
+        self._cameras: dict[str, dict[CameraKey, None]] = {}
+        self._count = 0
         self._served: frozenset[CameraKey] = frozenset()
         self._handing_over = False
 
@@ -24,14 +28,21 @@ class OwnCameras:
         return self._assignment.worker(token, alive=alive)
 
     def camera(self, camera: CameraKey, *, alive: bool) -> bool:
-        """Note that a camera came or went; return whether that is new. Those over MAX_CAMERAS are ignored."""
-        if alive == (camera in self._cameras) or (alive and len(self._cameras) >= MAX_CAMERAS):
+        """Note that a camera came or went; return whether that is new.
+
+        Those over MAX_CAMERAS, or over MOST_CAMERAS of a robot, are ignored.
+        """
+        of_robot = self._cameras.get(camera.robot, {})
+        if alive == (camera in of_robot) or (alive and (self._count >= MAX_CAMERAS or len(of_robot) >= MOST_CAMERAS)):
             return False
         if alive:
-            self._cameras[camera] = None
+            self._cameras.setdefault(camera.robot, of_robot)[camera] = None
         else:
-            del self._cameras[camera]
+            del of_robot[camera]
+            if not of_robot:
+                del self._cameras[camera.robot]
             self._assignment.forget(camera)
+        self._count += 1 if alive else -1
         return True
 
     def taken(self, token: Serves, *, alive: bool) -> bool:
@@ -39,13 +50,13 @@ class OwnCameras:
         return self._assignment.taken(token, alive=alive)
 
     def plan(self, now_s: float, most: int) -> frozenset[CameraKey]:
-        """Return the cameras to serve from now on: at most `most`, those known longest first.
+        """Return the cameras to serve from now on: at most `most`, each robot's first one before any second one.
 
         now_s: any steady clock; a plan is good until `next_s`, or until there is news.
         """
         served = set[CameraKey]()
         self._handing_over = False
-        for camera in self._cameras:
+        for camera in self._in_turn():
             winner = self._assignment.owner(camera, now_s)
             if winner is None or len(served) >= most:
                 continue
@@ -56,6 +67,11 @@ class OwnCameras:
                 self._handing_over = True
         self._served = frozenset(served)
         return self._served
+
+    def _in_turn(self) -> Iterator[CameraKey]:
+        """Yield the cameras, robot by robot in turn, and of each robot those known longest first."""
+        for row in zip_longest(*self._cameras.values()):
+            yield from (camera for camera in row if camera is not None)
 
     @property
     def next_s(self) -> float | None:

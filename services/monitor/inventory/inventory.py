@@ -17,7 +17,7 @@ from schemas.distances import Distances
 from schemas.keys import CameraKey, camera_key
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.debounce import Debounce
-from services.monitor.inventory.member_limit import MAX_MEMBERS, MAX_ROBOT_CAMERAS, MemberLimit, check_room
+from services.monitor.inventory.member_limit import MAX_MEMBERS, MOST_CAMERAS, MemberLimit, check_room
 from services.monitor.inventory.sighting import NS, Change, Sighting
 from services.monitor.inventory.view import MAX_CLASS_BYTES, ClassRoom
 from services.monitor.liveness import LOST_S, STALE_S
@@ -219,7 +219,7 @@ class Inventory:
         newest_first = sorted(sightings, key=_newness, reverse=True)
         for sighting in newest_first:
             if sighting.key in self._cameras or (
-                len(self._cameras) < MAX_MEMBERS and self.member_limit.of(sighting.key.robot) < MAX_ROBOT_CAMERAS
+                len(self._cameras) < MAX_MEMBERS and self.member_limit.of(sighting.key.robot) < MOST_CAMERAS
             ):
                 self._camera(sighting.key, announced=True).restore(sighting)
         for sighting in sorted(newest_first, key=attrgetter("last_ns")):

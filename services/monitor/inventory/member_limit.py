@@ -6,13 +6,10 @@ from collections.abc import Set as AbstractSet
 from itertools import chain, islice
 from typing import Final
 
-from schemas.keys import CameraKey
+from schemas.keys import MOST_CAMERAS, CameraKey
 
 MAX_MEMBERS: Final = 20_000
 """Maximum number of robots, cameras, or workers, followed; a flood of names cannot fill memory."""
-
-MAX_ROBOT_CAMERAS: Final = 256
-"""Maximum number of cameras followed of one robot, so that none can take the others' room."""
 
 PART: Final = 32
 """The part of a full room that is emptied at once: making room for each new name on its own would be slow."""
@@ -80,10 +77,10 @@ class MemberLimit:
         Raises:
             InventoryFullError: there is no room, and all others are present or held.
         """
-        if self._per_robot[key.robot] >= MAX_ROBOT_CAMERAS:
+        if self._per_robot[key.robot] >= MOST_CAMERAS:
             of_robot = (each for each in self._in_order() if each.robot == key.robot)
-            full = f"{key.robot} has {MAX_ROBOT_CAMERAS} cameras, the most that one robot may have"
-            return self._first(of_robot, MAX_ROBOT_CAMERAS, key, full)
+            full = f"{key.robot} has {MOST_CAMERAS} cameras, the most that one robot may have"
+            return self._first(of_robot, MOST_CAMERAS, key, full)
         if not announced and self.settled and len(self._claimed) >= _most_claimed():
             full = f"{len(self._claimed):,} cameras are known from messages alone, the most there may be"
             return self._first(iter(self._claimed), MAX_MEMBERS, key, full)

@@ -115,13 +115,59 @@ def test_one_that_is_idle_for_a_robot_of_its_own_leaves_it_to_those_for_any() ->
     assert made.plan(1, MOST) == made.plan(1 + IDLE_S, MOST) == set(CAMERAS)
 
 
-def test_where_more_was_taken_over_than_is_remembered_nobody_counts_as_idle(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(camera_assignment, "MAX_TAKEN", 2)
+@pytest.mark.parametrize("limit", ["MAX_TAKEN", "MAX_STREAMS"])
+def test_where_more_was_taken_over_than_is_remembered_a_camera_is_served_twice_rather_than_not_at_all(
+    limit: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(camera_assignment, limit, 1)
     made = shares("a")
     made.worker(token("b"), alive=True)
-    serve_all(made, "c", CAMERAS[:2])
+    remembered, *others = sorted(falls_to("b", "a"))
+    serve_all(made, "b", [remembered, *others])
     made.plan(1, MOST)
-    assert made.plan(1 + IDLE_S, MOST) == falls_to("a", "b")
+    assert made.plan(1 + IDLE_S, MOST) == set(CAMERAS) - {remembered}
+
+
+def test_a_worker_serves_however_many_are_said_to_be_there_before_it() -> None:
+    made = OwnCameras("a")
+    for camera in CAMERAS:
+        made.camera(camera, alive=True)
+    for number in range(camera_assignment.MAX_WORKERS):
+        made.worker(WorkerAlive("detector", f"idle{number}", weight=1000), alive=True)
+    made.worker(token("a"), alive=True)
+    made.plan(1, MOST)
+    assert made.plan(1 + IDLE_S, MOST) == set(CAMERAS)
+
+
+def test_workers_that_start_beside_many_that_serve_nothing_share_the_cameras_once_they_show_what_they_serve() -> None:
+    crew = {name: OwnCameras(name) for name in "ab"}
+    for made in crew.values():
+        for camera in CAMERAS:
+            made.camera(camera, alive=True)
+        for number in range(200):
+            made.worker(WorkerAlive("detector", f"idle{number}", weight=1000), alive=True)
+        for name in "ab":
+            made.worker(token(name), alive=True)
+        made.plan(1, MOST)
+    plans = {name: made.plan(1 + IDLE_S, MOST) for name, made in crew.items()}
+    assert plans == {"a": set(CAMERAS), "b": set(CAMERAS)}, "nobody knows yet that the other one serves"
+    for name, other in ("ab", "ba"):
+        serve_all(crew[name], other, plans[other])
+    assert crew["a"].plan(2 + IDLE_S, MOST) == falls_to("a", "b")
+    assert crew["b"].plan(2 + IDLE_S, MOST) == falls_to("b", "a")
+
+
+def test_a_robot_of_many_cameras_keeps_no_others_from_being_served(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(own_cameras, "MOST_CAMERAS", 5)
+    made = OwnCameras("a")
+    made.worker(token("a"), alive=True)
+    flood = [CameraKey("r9", f"c{number}") for number in range(6)]
+    assert [made.camera(camera, alive=True) for camera in flood] == [True] * 5 + [False]
+    others = [CameraKey("r1", "c0"), CameraKey("r2", "c0")]
+    assert [made.camera(camera, alive=True) for camera in others] == [True, True]
+    assert made.plan(1, 4) == {*flood[:2], *others}
+    assert made.camera(flood[0], alive=False)
+    assert made.camera(flood[5], alive=True)
 
 
 def test_another_than_the_one_it_falls_to_cannot_take_it_over() -> None:
@@ -175,9 +221,10 @@ def test_a_camera_that_is_gone_is_let_go_at_once() -> None:
     assert made.plan(1, MOST) == frozenset()
 
 
-def test_no_more_than_it_may() -> None:
+def test_no_more_than_it_may_and_of_each_robot_as_many() -> None:
     made = shares("a")
-    assert made.plan(0, 3) == set(CAMERAS[:3])
+    assert made.plan(0, 3) == {CAMERAS[0], CAMERAS[4], CAMERAS[8]}
+    assert made.plan(0, 6) == {*CAMERAS[0:2], *CAMERAS[4:6], CAMERAS[8], CAMERAS[12]}
 
 
 def test_news_is_what_was_not_known() -> None:
@@ -201,7 +248,7 @@ def test_what_is_known_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     ):
         monkeypatch.setattr(module, name, 2)
     made = OwnCameras("a")
-    assert [made.worker(token(name), alive=True) for name in "abc"] == [True, True, False]
+    assert [made.worker(token(name), alive=True) for name in "bcda"] == [True, True, False, True]
     assert [made.camera(camera, alive=True) for camera in CAMERAS[:3]] == [True, True, False]
     tokens = [Serves("detector", name, CAMERAS[0]) for name in "abc"]
     assert [made.taken(each, alive=True) for each in tokens] == [True, True, False]

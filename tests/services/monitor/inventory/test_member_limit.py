@@ -2,7 +2,7 @@
 
 import pytest
 
-from schemas.keys import CameraKey
+from schemas.keys import MOST_CAMERAS, CameraKey
 from services.monitor import fleet as fleet_module
 from services.monitor.fleet import Fleet
 from services.monitor.inventory import inventory as inventory_module
@@ -13,7 +13,6 @@ from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.member_limit import (
     CLAIMED_PART,
     MAX_MEMBERS,
-    MAX_ROBOT_CAMERAS,
     SETTLED_NS,
     SHOWN_NS,
     InventoryFullError,
@@ -147,12 +146,12 @@ def test_no_robot_takes_more_than_its_share() -> None:
     inventory = Inventory()
     there(inventory, CameraKey("r2", "front"))
     there(inventory, FRONT)
-    for number in range(5 * MAX_ROBOT_CAMERAS):
+    for number in range(5 * MOST_CAMERAS):
         inventory.see(seen(1, {}, key=CameraKey("r1", f"c{number}")), S)
-    assert len(inventory.in_order("r1")) <= MAX_ROBOT_CAMERAS
+    assert len(inventory.in_order("r1")) <= MOST_CAMERAS
     assert inventory.online(FRONT)
     assert inventory.in_order("r2")
-    for number in range(MAX_ROBOT_CAMERAS - 1):
+    for number in range(MOST_CAMERAS - 1):
         inventory.camera_presence(CameraKey("r1", f"d{number}"), alive=True)
     with pytest.raises(InventoryFullError, match="r1 has 256 cameras"):
         inventory.see(seen(1, {}, key=CameraKey("r1", "one-more")), S)
