@@ -27,7 +27,12 @@ AGAIN_S: Final = 0.5
 """Delay before an empty cache is asked again: Zenoh's routers (1.10) know their routes 0.1 s after a new link."""
 
 HOLD_S: Final = 10.0
-"""Longest time for which live messages of a key wait for older ones, whatever caches there seem to be."""
+"""Longest time for which live messages of a key wait for older ones, whatever caches there seem to be.
+
+Each further time is half as long, until caches answer."""
+
+HALVED: Final = 6
+"""How often at most."""
 
 _PUT: Final = zenoh.SampleKind.PUT
 
@@ -191,7 +196,8 @@ class HistorySubscription(ZenohSubscription):
         self._call_later(AGAIN_S, partial(self._with_history, self._turn, partial(self._history.ask_again, fetch)))
 
     def _end_hold_later(self, hold: Hold) -> None:
-        self._call_later(HOLD_S, partial(self._with_history, self._turn, partial(self._history.end_hold, hold)))
+        delay_s = HOLD_S / 2 ** min(hold.silent, HALVED)
+        self._call_later(delay_s, partial(self._with_history, self._turn, partial(self._history.end_hold, hold)))
 
     def _submit_later(self, delay_s: float, call: Callable[[], None]) -> None:
         self._call_later(delay_s, partial(self._submit, call))

@@ -15,6 +15,9 @@ from bus.delivery.mailbox import Fifo
 from bus.errors import BusError, RefusedError
 from bus.keys import matches
 
+MAX_OPEN_BYTES: Final = 64 << 20
+"""Of the requests to a server that it handles or that wait; one alone may have any size that a request has."""
+
 MAX_REASON: Final = 500
 """Longest error text that is sent, in characters."""
 
@@ -52,19 +55,23 @@ class Server:
         self._slots = asyncio.Semaphore(at_once)
         self._lock = threading.Lock()
         self._open: set[Call] = set()
+        self._bytes = 0
         self._ended = False
         self._running: asyncio.Task[None] | None = None
 
     def arrive(self, call: Call) -> None:
         """Add a request. Any thread."""
         with self._lock:
-            ended, full = self._ended, len(self._open) >= self._limit
+            size = len(call.request.payload)
+            ended, under_way = self._ended, len(self._open)
+            full = under_way >= self._limit or (under_way > 0 and self._bytes + size > MAX_OPEN_BYTES)
             if not ended and not full:
                 self._open.add(call)
+                self._bytes += size
         if ended:
             call.answer(None)
         elif full:
-            call.answer(f"busy: {self._limit} requests are under way already")
+            call.answer(f"busy: {under_way} requests are under way already")
         else:
             self._inbox.offer(call.request.key, call)
 
@@ -123,6 +130,7 @@ class Server:
             if call not in self._open:
                 return
             self._open.discard(call)
+            self._bytes -= len(call.request.payload)
         call.answer(outcome)
 
 

@@ -14,10 +14,10 @@ import msgspec
 
 from schemas.detections import ClassList
 from schemas.distances import Distances
-from schemas.keys import CameraKey, camera_key
+from schemas.keys import MOST_CAMERAS, CameraKey, camera_key
 from services.monitor.inventory.camera import CameraView
 from services.monitor.inventory.debounce import Debounce
-from services.monitor.inventory.member_limit import MAX_MEMBERS, MOST_CAMERAS, MemberLimit, check_room
+from services.monitor.inventory.member_limit import MAX_MEMBERS, MemberLimit, check_room
 from services.monitor.inventory.sighting import NS, Change, Sighting
 from services.monitor.inventory.view import MAX_CLASS_BYTES, ClassRoom
 from services.monitor.liveness import LOST_S, STALE_S

@@ -2,7 +2,10 @@
 
 import asyncio
 
+import pytest
+
 from bus import Reply, Request
+from bus.requests import serving as requests
 from bus.requests.serving import INTERNAL, Call, Server
 from tests.waiting import until
 
@@ -53,6 +56,24 @@ async def test_every_call_is_finished_once_whenever_the_end_comes() -> None:
                 await asyncio.sleep(0)
             serving.end()
         assert len(outcomes) == 4
+
+
+async def test_requests_that_wait_have_so_many_bytes_together_and_one_alone_has_any(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(requests, "MAX_OPEN_BYTES", 10)
+    outcomes: list[Outcome] = []
+    serving = server(waiting=9)
+    for payload in (b"eleven bytes", b"x"):
+        serving.arrive(call(outcomes, payload))
+    assert outcomes == ["busy: 1 requests are under way already"]
+    async with serving.serving():
+        await until(lambda: len(outcomes) == 2)
+        for payload in (b"12345", b"67890", b"x"):
+            serving.arrive(call(outcomes, payload))
+        assert outcomes[2:] == ["busy: 2 requests are under way already"]
+        await until(lambda: len(outcomes) == 5)
+    assert outcomes[3:] == [Reply(b"12345"), Reply(b"67890")]
 
 
 async def test_a_handler_that_breaks_the_rules_fails_alone() -> None:
