@@ -21,6 +21,7 @@ from bus.history.key_state import Fetch, Hold, Numbered
 from bus.history.numbering import CACHE, is_sent_again, owner_of, stamp_of
 from bus.history.ordering import History
 from bus.presence.listed_tokens import ListedTokens
+from bus.presence.token_lists import FollowedTokens
 from bus.session.known_keys import number_of
 
 AGAIN_S: Final = 0.5
@@ -106,6 +107,7 @@ class HistorySubscription(ZenohSubscription):
             size=lambda sample: 0 if sample is None else len(sample.payload),
         )
         self._listed = listed
+        self._followed = FollowedTokens()
         self._unknown = 0  # kinds of tokens of which it is not known yet whether all have been told
         self._known = known
         self._one_at_a_time = threading.Lock()
@@ -115,6 +117,7 @@ class HistorySubscription(ZenohSubscription):
         with self._one_at_a_time:
             self._turn += 1
             self._unknown = 2
+            self._followed.clear()
             self._history.cut_off()
         self._caches.use(session)
         liveliness = session.liveliness()
@@ -149,7 +152,7 @@ class HistorySubscription(ZenohSubscription):
     def _take_token(self, turn: int, cache: str, *, alive: bool) -> None:
         key, _ = owner_of(cache)
         with self._one_at_a_time:
-            if turn != self._turn:
+            if turn != self._turn or not (self._followed.add(cache) if alive else self._followed.discard(cache)):
                 return
             if alive:
                 if self._known is not None:

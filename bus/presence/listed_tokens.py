@@ -14,8 +14,8 @@ from zenoh.handlers import Callback
 
 from bus.delivery.batching import taking
 from bus.delivery.reading import PresenceReader
-from bus.keys import is_single_key
-from bus.presence.token_lists import MOST_READ, listed_keys, lists_of
+from bus.keys import is_single_key, whose
+from bus.presence.token_lists import MOST_READ, FollowedTokens, listed_keys, lists_of
 
 _PUT: Final = zenoh.SampleKind.PUT
 
@@ -94,7 +94,7 @@ class ZenohWatch(PresenceReader):
         self.tokens = key_expr
         self._listed = listed
         self._few = few
-        self._shown: set[str] = set()
+        self._shown = FollowedTokens()
         self._in_lists: set[str] = set()
         self._lock = threading.Lock()
         self._declared = ExitStack()
@@ -111,7 +111,7 @@ class ZenohWatch(PresenceReader):
             self._declared.close()
         finally:
             with self._lock:
-                gone = self._shown | self._in_lists
+                gone = {*self._shown, *self._in_lists}
                 self._shown.clear()
                 self._in_lists.clear()
             for key in gone:
@@ -119,20 +119,25 @@ class ZenohWatch(PresenceReader):
 
     def _on_changes(self, samples: Sequence[zenoh.Sample]) -> None:
         for sample in samples:
-            self._note(self._shown, str(sample.key_expr), alive=sample.kind == _PUT)
+            key, alive = str(sample.key_expr), sample.kind == _PUT
+            with self._lock:
+                if not (self._shown.add(key) if alive else self._shown.discard(key)):
+                    self._leave_out(key, alive=alive)
+                    continue
+                self.arrive(key, alive=alive or key in self._in_lists)
+
+    def _leave_out(self, key: str, *, alive: bool) -> None:
+        if alive:
+            _log.warning("presence of %s is left out: too many tokens are shown there", whose(key)[:200])
 
     def token(self, key: str, *, alive: bool) -> None:
         """See `TokenReader`."""
-        self._note(self._in_lists, key, alive=alive)
+        with self._lock:
+            (self._in_lists.add if alive else self._in_lists.discard)(key)
+            self.arrive(key, alive=alive or key in self._shown)
 
     def all_listed(self) -> None:
         """See `TokenReader`."""
-
-    def _note(self, kind: set[str], key: str, *, alive: bool) -> None:
-        """Note a token that is shown, or is in lists; it is there as long as either."""
-        with self._lock:
-            (kind.add if alive else kind.discard)(key)
-            self.arrive(key, alive=key in self._shown or key in self._in_lists)
 
 
 class _Lists:
@@ -143,6 +148,7 @@ class _Lists:
         self._readers: dict[TokenReader, zenoh.KeyExpr] = {}
         self._lists: dict[str, list[str]] = {}
         self._present: Counter[str] = Counter()
+        self._followed = FollowedTokens()
         self._all_told = False
         self._declared = ExitStack()
         declare = partial(session.liveliness().declare_subscriber, lists)
@@ -191,17 +197,28 @@ class _Lists:
         if len(list_key) > MOST_READ:
             _log.warning("left out: a list of %d characters of presence tokens: %s...", len(list_key), list_key[:80])
             return
-        if alive:
-            keys = self._lists[list_key] = list({key: None for key in listed_keys(list_key) if is_single_key(key)})
-        else:
-            keys = self._lists.pop(list_key)
+        keys = self._admitted(list_key) if alive else self._lists.pop(list_key)
+        if alive and keys:
+            self._lists[list_key] = keys
         for key in keys:
             before = self._present[key]
             self._present[key] += 1 if alive else -1
             if not self._present[key]:
                 del self._present[key]
+                self._followed.discard(key)
             if not (before and self._present[key]):
                 self._tell(key, alive=alive)
+
+    def _admitted(self, list_key: str) -> list[str]:
+        """Return the keys of a list for which there is room."""
+        owner = whose(list_key)
+        keys: list[str] = []
+        if self._followed.has_room(owner):
+            keys = list({key: None for key in listed_keys(list_key) if is_single_key(key)})
+        admitted = [key for key in keys if self._followed.add(key)]
+        if not admitted or len(admitted) < len(keys):
+            _log.warning("presence of %s is left out in part: too many tokens are in lists there", owner[:200])
+        return admitted
 
     def _tell(self, key: str, *, alive: bool) -> None:
         for reader, expression in list(self._readers.items()):

@@ -5,8 +5,11 @@ under `fleet/{robot}` shows `fleet/{robot}/@alive/{list}`: the rest of each key,
 commas.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Final
+
+from bus.keys import whose
 
 ROOT: Final = "fleet"
 """First chunk of all keys that may be in lists; the second is the robot's name."""
@@ -20,6 +23,61 @@ MOST_CHARACTERS: Final = 8_000
 
 MOST_READ: Final = 2 * MOST_CHARACTERS
 """Longest list that is read, with its prefix: a longer one is nobody's of ours."""
+
+
+MOST_OF_ROBOT: Final = 16_384
+"""Tokens of one robot that are followed: 64 for each of 256 cameras."""
+
+MOST_OF_SERVICE: Final = 100_000
+"""Tokens of one service that are followed: ten workers show that they serve each of 10,000 cameras."""
+
+MOST_FOLLOWED: Final = 400_000
+"""Tokens that are followed by one watch."""
+
+
+class FollowedTokens:
+    """A set of tokens with so much room for each robot and service, and in all: anybody can show any number."""
+
+    def __init__(self) -> None:
+        self._tokens: set[str] = set()
+        self._of = Counter[str]()
+
+    def add(self, key: str) -> bool:
+        """Add a token; return whether it is in the set now."""
+        if key in self._tokens:
+            return True
+        owner = whose(key)
+        if len(self._tokens) >= MOST_FOLLOWED or not self.has_room(owner):
+            return False
+        self._tokens.add(key)
+        self._of[owner] += 1
+        return True
+
+    def has_room(self, owner: str) -> bool:
+        """Return whether a robot or service (`fleet/r1`, `workers/detector`) may have one more token."""
+        return self._of[owner] < (MOST_OF_ROBOT if owner.startswith(f"{ROOT}/") else MOST_OF_SERVICE)
+
+    def discard(self, key: str) -> bool:
+        """Remove a token; return whether it was in the set."""
+        if key not in self._tokens:
+            return False
+        self._tokens.remove(key)
+        owner = whose(key)
+        self._of[owner] -= 1
+        if not self._of[owner]:
+            del self._of[owner]
+        return True
+
+    def clear(self) -> None:
+        """Remove all tokens."""
+        self._tokens.clear()
+        self._of.clear()
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._tokens
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._tokens)
 
 
 def can_list(prefix: str, key: str) -> bool:

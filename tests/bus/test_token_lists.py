@@ -7,7 +7,8 @@ import pytest
 import zenoh
 
 from bus import QUEUE, BusSettings, Presence, QoS, Watch, open_bus
-from bus.presence.token_lists import MOST_CHARACTERS, can_list, list_keys, listed_keys, lists_of
+from bus.presence import token_lists
+from bus.presence.token_lists import MOST_CHARACTERS, FollowedTokens, can_list, list_keys, listed_keys, lists_of
 from tests.bus.sessions import client, router
 from tests.contract.conftest import free_endpoint
 from tests.waiting import next_of, until
@@ -192,3 +193,44 @@ async def test_lists_are_shown_and_read_again_on_the_next_session() -> None:
                 out.put(b"%d" % number)
                 assert (await next_of(statuses)).payload == b"%d" % number
             assert await next_of(watch) == Presence("fleet/r1/alive", alive=False)
+
+
+def test_what_is_followed_leaves_room_for_every_robot_and_service(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(token_lists, "MOST_OF_ROBOT", 2)
+    monkeypatch.setattr(token_lists, "MOST_OF_SERVICE", 3)
+    monkeypatch.setattr(token_lists, "MOST_FOLLOWED", 6)
+    followed = FollowedTokens()
+    assert [followed.add(f"fleet/r1/{name}") for name in "abbc"] == [True, True, True, False]
+    assert [followed.add(f"workers/detector/{name}") for name in "abcd"] == [True, True, True, False]
+    assert [followed.add("fleet/r2/a"), followed.add("fleet/r3/a")] == [True, False]
+    assert [followed.discard("fleet/r1/a"), followed.discard("fleet/r1/c")] == [True, False]
+    assert [followed.add("fleet/r1/c"), followed.add("fleet/r1/d")] == [True, False]
+    assert set(followed) == {"fleet/r1/b", "fleet/r1/c", "fleet/r2/a", *(f"workers/detector/{name}" for name in "abc")}
+    followed.clear()
+    assert followed.add("fleet/r3/a")
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [
+        ["fleet/r2/a/alive", "fleet/r2/b/alive", "fleet/r2/c/alive"],
+        ["fleet/r2/@alive/a:alive,b:alive,c:alive"],
+        ["fleet/r2/@alive/a:alive", "fleet/r2/@alive/b:alive", "fleet/r2/@alive/c:alive"],
+    ],
+)
+async def test_tokens_of_one_robot_without_end_leave_the_others_theirs(
+    shown: list[str], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(token_lists, "MOST_OF_ROBOT", 2)
+    async with watching() as (watch, outside):
+        flood = [outside.liveliness().declare_token(key) for key in shown]
+        others = [outside.liveliness().declare_token(f"fleet/{robot}/front/alive") for robot in ("r3", "r4")]
+        here = {(await next_of(watch)).key for _ in range(4)}
+        assert here == {"fleet/r2/a/alive", "fleet/r2/b/alive", "fleet/r3/front/alive", "fleet/r4/front/alive"}
+        for token in (*flood, *others):
+            token.undeclare()
+        assert {(await next_of(watch)).key for _ in range(4)} == here
+        again = outside.liveliness().declare_token("fleet/r2/@alive/c:alive")
+        assert await next_of(watch) == Presence("fleet/r2/c/alive", alive=True)
+        again.undeclare()
+    assert "presence of fleet/r2 is left out" in caplog.text
