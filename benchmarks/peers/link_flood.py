@@ -1,4 +1,4 @@
-"""Floods that are no messages: presence, a message of which only the beginning is sent, and idle web connections.
+"""Floods that are no messages: presence, requests, the beginning of a message, and idle web connections.
 
 Command line: kind of flood (see FLOODS), the router's endpoint or the page's host:port, seconds. Prints how much it
 sent.
@@ -16,8 +16,11 @@ from contextlib import ExitStack, suppress
 from typing import Any, Final
 
 import zenoh
+from zenoh.handlers import Callback
 
 from benchmarks.peers.flood import named
+from bus.api import MAX_REQUEST_BYTES
+from bus.presence.token_lists import list_keys
 from bus.session.config import session_config
 from bus.settings import BusSettings
 from schemas import keys
@@ -25,6 +28,12 @@ from schemas.keys import Stream
 
 TOKENS: Final = 25_000
 """Cameras, more than the monitor follows; a link takes about a thousand in a second, and ever fewer."""
+
+CAMERAS_LISTED: Final = 300
+"""In one list, which has room for 8,000 characters."""
+
+LISTS: Final = 10
+"""Of one robot."""
 
 HALF_BYTES: Final = 120 << 20
 """Of a message: a little less than a router takes in."""
@@ -55,6 +64,38 @@ def tokens(endpoint: str, seconds: float) -> dict[str, Any]:
         time.sleep(max(0.0, until_s - time.monotonic()))
         stack.pop_all()  # they end with the session
     return {"sent": shown, "sent_mb": round(size / 2**20, 1)}
+
+
+def listed(endpoint: str, seconds: float) -> dict[str, Any]:
+    """Show lists of presence tokens of ever more invented robots with very many cameras, and keep them."""
+    until_s, size, shown = time.monotonic() + seconds, 0, 0
+    with session(endpoint) as opened, ExitStack() as stack:
+        while time.monotonic() < until_s:
+            robot = keys.robot_alive(f"invented{shown // CAMERAS_LISTED // LISTS}")
+            cameras = range(shown, shown + CAMERAS_LISTED)
+            (key,) = list_keys(
+                robot.rpartition("/")[0], [robot.replace("/alive", f"/{n}/color/alive") for n in cameras]
+            )
+            stack.callback(opened.liveliness().declare_token(key).undeclare)
+            size, shown = size + len(key), shown + CAMERAS_LISTED
+        stack.pop_all()  # they end with the session
+    return {"sent": shown, "sent_mb": round(size / 2**20, 1)}
+
+
+def requests(endpoint: str, seconds: float) -> dict[str, Any]:
+    """Send the largest questions about the inventory one after the other, and wait for no answer."""
+    until_s, sent = time.monotonic() + seconds, 0
+    with session(endpoint) as opened:
+        while time.monotonic() < until_s:
+            opened.get(
+                keys.INVENTORY, Callback(_ignore, indirect=False), payload=bytes(MAX_REQUEST_BYTES), timeout=60.0
+            )
+            sent += 1
+    return {"sent": sent, "sent_mb": round(sent * MAX_REQUEST_BYTES / 2**20, 1)}
+
+
+def _ignore(_: zenoh.Reply) -> None:
+    pass
 
 
 def halves(endpoint: str, seconds: float) -> dict[str, Any]:
@@ -125,6 +166,8 @@ def connections(page: str, seconds: float) -> dict[str, Any]:
 
 FLOODS: Final[dict[str, Callable[[str, float], dict[str, Any]]]] = {
     "tokens": tokens,
+    "listed": listed,
+    "requests": requests,
     "halves": halves,
     "connections": connections,
 }

@@ -147,8 +147,8 @@ class _Lists:
         self._lock = threading.Lock()
         self._readers: dict[TokenReader, zenoh.KeyExpr] = {}
         self._lists: dict[str, list[str]] = {}
-        self._present: Counter[str] = Counter()
-        self._followed = FollowedTokens()
+        self._present = FollowedTokens()
+        self._again = Counter[str]()  # in how many more lists a token is
         self._all_told = False
         self._declared = ExitStack()
         declare = partial(session.liveliness().declare_subscriber, lists)
@@ -197,28 +197,37 @@ class _Lists:
         if len(list_key) > MOST_READ:
             _log.warning("left out: a list of %d characters of presence tokens: %s...", len(list_key), list_key[:80])
             return
-        keys = self._admitted(list_key) if alive else self._lists.pop(list_key)
-        if alive and keys:
+        if not alive:
+            for key in self._lists.pop(list_key):
+                self._release(key)
+        elif keys := self._take(list_key):
             self._lists[list_key] = keys
-        for key in keys:
-            before = self._present[key]
-            self._present[key] += 1 if alive else -1
-            if not self._present[key]:
-                del self._present[key]
-                self._followed.discard(key)
-            if not (before and self._present[key]):
-                self._tell(key, alive=alive)
 
-    def _admitted(self, list_key: str) -> list[str]:
-        """Return the keys of a list for which there is room."""
+    def _release(self, key: str) -> None:
+        if self._again[key] > 1:
+            self._again[key] -= 1
+        elif self._again.pop(key, 0) == 0:
+            self._present.discard(key)
+            self._tell(key, alive=False)
+
+    def _take(self, list_key: str) -> list[str]:
+        """Take the keys of a list for which there is room, and return them."""
         owner = whose(list_key)
         keys: list[str] = []
-        if self._followed.has_room(owner):
+        if self._present.has_room(owner):
             keys = list({key: None for key in listed_keys(list_key) if is_single_key(key)})
-        admitted = [key for key in keys if self._followed.add(key)]
-        if not admitted or len(admitted) < len(keys):
-            _log.warning("presence of %s is left out in part: too many tokens are in lists there", owner[:200])
-        return admitted
+        taken: list[str] = []
+        for key in keys:
+            if key in self._present:
+                self._again[key] += 1
+            elif self._present.add(key):
+                self._tell(key, alive=True)
+            else:
+                continue
+            taken.append(key)
+        if len(taken) < len(keys) or not self._present.has_room(owner):
+            _log.warning("presence of %s is left out: too many tokens are in lists there", owner[:200])
+        return taken
 
     def _tell(self, key: str, *, alive: bool) -> None:
         for reader, expression in list(self._readers.items()):
