@@ -6,12 +6,16 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+import cv2
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from schemas.detections import Mask
 from services.simulator import film
 from services.simulator.film import Film, Part, Store
 from services.simulator.fleet import equipment
+from services.simulator.placement import COLOR_OPTICAL
 from services.simulator.settings import SimulatorSettings
 from services.simulator.world import Drive, SeenObject, generate, render, truth_of
 from services.training.dataset import holdout_seed
@@ -43,9 +47,14 @@ class Seen(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class DriveFrame(Picture, frozen=True, kw_only=True):
-    """A picture and every object of which at least a pixel is visible."""
+    """A picture and every object of which at least a pixel is visible.
+
+    depth_png: the depth image, uint16 in millimetres. pose: of the colour camera's optical frame in the map, 4 x 4.
+    """
 
     seen: list[Seen]
+    depth_png: bytes
+    pose: list[list[float]]
 
 
 class HeldOutDrive(msgspec.Struct, frozen=True, kw_only=True):
@@ -79,11 +88,25 @@ def drawn(seed: int, count: int) -> HeldOutDrive:
     filmed = Film(seed, SENSORS, instants, HZ, Store(limit=0))
     frames = []
     for number in range(count):
-        image = filmed.measure(number, [Part.COLOR])[Part.COLOR]
+        measured = filmed.measure(number, [Part.COLOR, Part.DEPTH])
         pose = drive.pose(filmed.fraction(number))
         seen = [seen_of(each) for each in truth_of(scene, render(scene, pose, SENSORS.color), pose, SENSORS.color)]
-        frames.append(DriveFrame(png=png_of(image), seen=seen))
+        optical = filmed.robot(number) @ filmed.rig.on_robot(COLOR_OPTICAL)
+        frames.append(
+            DriveFrame(
+                png=png_of(measured[Part.COLOR]),
+                seen=seen,
+                depth_png=depth_png_of(measured[Part.DEPTH]),
+                pose=optical.tolist(),
+            )
+        )
     return HeldOutDrive(seed=seed, frames=frames)
+
+
+def depth_png_of(depth: NDArray[np.uint16]) -> bytes:
+    """The PNG of a depth image in millimetres."""
+    _, png = cv2.imencode(".png", np.ascontiguousarray(depth), [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    return png.tobytes()
 
 
 def seen_of(found: SeenObject) -> Seen:

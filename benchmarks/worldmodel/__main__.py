@@ -22,6 +22,11 @@ drive on while the warehouse changes: forklifts drive, pallets and boxes are tak
     false_moved         the same of objects told to have moved, while nothing moves
     moved_seen_kept_id  share of known objects, moved while half visible at least every 1.5 s, that keep their ids
     moved_unseen_new_id share of those that no image shows on their way that get other ids
+    idf1_by_place       IDF1 of the tracks of single cameras that go by the ids of a world model which takes in what
+                        that camera sees, on the drives of `benchmarks.accuracy`: the object that most of a track's
+                        detections within five seconds belong to, those nearer in time counting for more; a track of no
+                        published object keeps its own number. By boxes, and by masks (idf1_by_place_masks);
+                        idf1_by_tracker is of the same tracks by their own numbers
     lost_robot          the same while one robot in three takes itself to be elsewhere for the last 40 s
     exact_poses         the same figures without errors of localisation
     merging_0_6_m       the same of today's map, in two dimensions: it knows no heights
@@ -32,26 +37,30 @@ drive on while the warehouse changes: forklifts drive, pallets and boxes are tak
 
 import contextlib
 import hashlib
+import os
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from benchmarks.accuracy.drives import drive_seeds, held_out_drives
 from benchmarks.arguments import at_least_one, parser_of, show
 from benchmarks.machine import machine, versions
-from benchmarks.progress import note
+from benchmarks.progress import note, note_step
 from benchmarks.targets import at_least, at_most
 from benchmarks.worldmodel.drives import Drives, Scores, drive, drive_changes, drive_lost
 from benchmarks.worldmodel.load import Load, measured_apart
 from benchmarks.worldmodel.recording import Recorder
 from benchmarks.worldmodel.replay import EXACT
+from benchmarks.worldmodel.tracks import scores_by_place
 from services.detector.model import ModelError
 from services.detector.settings import SHIPPED_MODEL, DetectorSettings
 from services.simulator.localisation import Drift, Lost
-from services.toolbox.train.inference import open_weights
+from services.toolbox.train.inference import open_follower, open_weights
 from services.training.dataset import holdout_seed
 from services.training.evaluation.scenes import generator_digest
 from services.training.files import TrainingError
@@ -67,6 +76,9 @@ LEARN_S: Final = 90.0
 
 LOST_S: Final = 40.0
 """Seconds for which a robot is lost, at the end; half of the drive if that is shorter."""
+
+DRIVE_FRAMES: Final = 50
+"""Frames of each drive of one camera, as `benchmarks.accuracy` has them."""
 
 CONFIDENCE: Final[float] = DetectorSettings.model_fields["confidence"].default
 PACKAGES: Final = ("ultralytics-opencv-headless", "torch", "lapx", "numpy", "opencv-python-headless")
@@ -89,6 +101,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         default=60,
         help="of a warehouse that changes, 0 for none (default: %(default)s)",
     )
+    parser.add_argument("--drives", type=int, default=8, help="of one camera, 0 for none (default: %(default)s)")
     parser.add_argument("--load-seconds", type=int, default=10, help="of the load, 0 for none (default: %(default)s)")
     parser.add_argument(
         "--work-dir", type=Path, default=Path("runs/worldmodel"), help="keeps recordings (default: %(default)s)"
@@ -103,6 +116,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         arguments.load_seconds,
         arguments.work_dir,
         arguments.changing_seconds,
+        arguments.drives,
     )
     try:
         with contextlib.redirect_stdout(sys.stderr):
@@ -124,6 +138,7 @@ class Plan:
     load_seconds: int
     work_dir: Path
     changing_seconds: int
+    drives: int
 
 
 def measure(plan: Plan) -> dict[str, Any]:
@@ -157,6 +172,7 @@ def measure(plan: Plan) -> dict[str, Any]:
                 recorded = recorder.changes(seed, ROBOTS, learn_s, plan.changing_seconds)
                 drive_changes(Drives(seed, learn_s, rounds), plan.drift, kept[learn_s], recorded, world)
                 note(f"warehouse {number + 1}/{plan.warehouses}: {len(recorded.changes)} objects changed")
+        by_place = _by_place(plan, Path(scratch)) if plan.drives else {}
     load = measured_apart(Load(seconds=plan.load_seconds)) if plan.load_seconds else {}
     found = {
         **world.summary(),
@@ -166,6 +182,7 @@ def measure(plan: Plan) -> dict[str, Any]:
         "exact_poses": exact.summary(),
         "merging_0_6_m": merging.summary(),
         "load": load,
+        **by_place,
     }
     return {
         "targets": targets(found, plan.warehouses),
@@ -179,6 +196,14 @@ def measure(plan: Plan) -> dict[str, Any]:
         "machine": machine(),
         "versions": versions(PACKAGES),
     }
+
+
+def _by_place(plan: Plan, scratch: Path) -> dict[str, Any]:
+    """Return how well the tracks of single cameras keep their identities by the ids of the world model."""
+    seeds = drive_seeds(SEED, plan.drives)
+    drives = held_out_drives(plan.work_dir, seeds, DRIVE_FRAMES, os.cpu_count() or 1, partial(note_step, every=1))
+    follow = open_follower(plan.weights, device="cpu", folder=scratch, runtime=plan.runtime)
+    return scores_by_place(drives, follow, plan.drift, lambda done: note(f"follow {done}/{plan.drives}"))
 
 
 def targets(found: dict[str, Any], warehouses: int) -> dict[str, Any]:
@@ -200,6 +225,8 @@ def targets(found: dict[str, Any], warehouses: int) -> dict[str, Any]:
     made |= at_most(flat, "noticed_p95_s", 3.0) | at_most(flat, "false_gone", 0.01)
     made |= at_most(flat, "false_moved", 0.01) | at_least(flat, "inventory_f1_lost_robot", 0.98, "inventory_f1")
     made |= at_least(flat, "moved_seen_kept_id", 0.9) | at_least(flat, "moved_unseen_new_id", 0.9)
+    if "idf1_by_place" in found:
+        made |= at_least(flat, "idf1_by_place", 0.85)
     if found["load"]:
         made |= at_most(flat, "load_lag_p99_ms", 500) | at_most(flat, "load_rss_mb", 500)
     return made

@@ -1,7 +1,7 @@
 """Lets a world model, and today's map of the monitor, see recorded drives, and scores what they know."""
 
 import copy
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -9,9 +9,11 @@ from benchmarks.worldmodel.changes import ChangeScore, ChangeWatch, StandingScor
 from benchmarks.worldmodel.recording import RecordedChanges, RecordedRound, TrueObject
 from benchmarks.worldmodel.replay import Replayed, replay
 from benchmarks.worldmodel.scoring import FoundObject, IdentityScore, InventoryScore, asked_for
+from schemas.distances import CameraView
 from schemas.world import ChangeKind, WorldChange
 from services.monitor.map.last_seen import SightingMap
 from services.simulator.localisation import Drift, Lost
+from services.worldmodel.events import Event
 from services.worldmodel.model import SiteModel
 from services.worldmodel.published_objects import Inventory
 
@@ -130,16 +132,19 @@ def _note(scores: Scores, drives: Drives, found: Sequence[FoundObject], ids: Ide
 
 
 class World:
-    """The world model."""
+    """The world model. identify: see `SiteModel`."""
 
-    def __init__(self) -> None:
-        self.model = SiteModel()
+    def __init__(self, identify: Callable[[CameraView, Mapping[int, int]], None] | None = None) -> None:
+        self.model = SiteModel(identify=identify)
         self._inventory = Inventory("hall", "b", self.model)
 
     def take(self, replayed: Replayed) -> list[WorldChange]:
         """Take an image in, and return what changed."""
-        events = self.model.take(replayed.view, NS + round(replayed.second * NS))
-        return [self._inventory.change(event) for event in events]
+        return [self._inventory.change(event) for event in self.events(replayed)]
+
+    def events(self, replayed: Replayed) -> list[Event]:
+        """Take an image in, and return what changed, by the numbers of objects."""
+        return self.model.take(replayed.view, NS + round(replayed.second * NS))
 
     @property
     def count(self) -> int:

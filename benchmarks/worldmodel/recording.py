@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.accuracy.drives import METRES_PER_SECOND, SENSORS, seen_of
+from benchmarks.accuracy.drives import METRES_PER_SECOND, SENSORS, depth_png_of, seen_of
 from benchmarks.accuracy.following import LEAST_IOU, mask_overlap
 from schemas.detections import Detection, Detections
 from schemas.header import Header
@@ -282,7 +282,6 @@ def _image(
         frame_id=COLOR_OPTICAL,
         received_ns=0,
     )
-    _, png = cv2.imencode(".png", np.ascontiguousarray(measured[Part.DEPTH]), [cv2.IMWRITE_PNG_COMPRESSION, 1])
     return RecordedImage(
         detections=Detections(
             header=header,
@@ -292,7 +291,7 @@ def _image(
             model="",
             worker="recorder",
         ),
-        depth_png=png.tobytes(),
+        depth_png=depth_png_of(measured[Part.DEPTH]),
         pose=_optical(film, index).tolist(),
         visible=_visible(seen),
         shown=shown_by(found, seen),

@@ -56,7 +56,7 @@ def replay(
         Localisation(drift, [each for each in lost if each.robot == of.robot], (seed, robot))
         for robot, of in enumerate(rounds)
     ]
-    cameras = [_Camera() for _ in rounds]
+    cameras = [ReplayedCamera() for _ in rounds]
     first = round(seconds * hz) * len(rounds)
     for number in range(round(since_s * hz) * len(rounds), first + len(then)):
         step, robot = divmod(number, len(rounds))
@@ -66,7 +66,7 @@ def replay(
         yield cameras[robot].messages(image, second, step, errors[robot].error(second))
 
 
-class _Camera:
+class ReplayedCamera:
     """The distance service's part that serves one camera."""
 
     def __init__(self) -> None:

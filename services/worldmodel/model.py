@@ -1,7 +1,8 @@
 """A site's model: takes views in, knows the objects. Pure: time is an argument."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import count
 from typing import Final
 
 import numpy as np
@@ -46,15 +47,23 @@ class SiteModel:
     """One site's objects. Nothing that views say makes it raise; what is left out is counted by robot and reason.
 
     Of robots that were forgotten it is counted without their names.
+
+    identify: told, of each view, the numbers of the objects that its detections belong to, by their `index`.
     """
 
-    def __init__(self, rules: Rules | None = None, classes: Classes | None = None) -> None:
+    def __init__(
+        self,
+        rules: Rules | None = None,
+        classes: Classes | None = None,
+        identify: Callable[[CameraView, Mapping[int, int]], None] | None = None,
+    ) -> None:
         self.rules = rules or Rules()
         self.classes = classes or Classes()
         self.offsets = Offsets(self.rules.localisation)
         self.robots = Numbers("")
         self.cameras = Numbers(("", ""))
         self.left_out: Counter[tuple[str, str]] = Counter()
+        self._identify = identify
         self.views = 0
         self.sightings = 0
         self.lifecycle = ObjectLifecycle(self.rules, self.classes, self.left_out)
@@ -157,9 +166,20 @@ class SiteModel:
         for some in _once_each(rows):
             self._update(frames, seen, (which[some], rows[some]), pose=pose, several=several)
         keys = self.lifecycle.keys(seen.frame[which], rows)
-        self.lifecycle.create(frames, seen, new, pose)
+        created = self.lifecycle.create(frames, seen, new, pose)
+        if self._identify is not None:
+            self._tell(self._identify, frames, seen.nth[np.append(which, created[0])], np.append(rows, created[1]))
         self.lifecycle.confirm(frames, seen.frame[which], rows, looks, keys)
         self.lifecycle.miss(frames, looks, keys)
+
+    def _tell(
+        self, identify: Callable[[CameraView, Mapping[int, int]], None], frames: Frames, nth: Rows, rows: Rows
+    ) -> None:
+        number_of = dict(zip(nth.tolist(), self.objects.number[rows].tolist(), strict=True))
+        nths = count()
+        for view in frames.views:
+            pairs = [(each.index, number_of.get(next(nths))) for each in view.objects]
+            identify(view, {index: number for index, number in pairs if number is not None})
 
     def _placed(self, frames: Frames) -> Sightings:
         number = self.classes.number

@@ -106,12 +106,12 @@ class ObjectLifecycle:
         """Return numbers of pairs of views and rows."""
         return frame * MOST_ROWS + rows
 
-    def create(self, frames: Frames, seen: Sightings, new: Rows, pose: Floats) -> None:
-        """Make new objects of sightings of nothing known."""
+    def create(self, frames: Frames, seen: Sightings, new: Rows, pose: Floats) -> tuple[Rows, Rows]:
+        """Make new objects of sightings of nothing known; return of which, and their rows."""
         new = new[~is_compound(seen, self._classes)[new]]
         new = self._allowed(frames, seen, new)
         if not len(new):
-            return
+            return new, new
         rows = np.array([self._row() for _ in range(len(new))], np.intp)
         objects, frame = self.objects, seen.frame[new]
         objects.clear(rows)
@@ -123,6 +123,7 @@ class ObjectLifecycle:
             times[rows] = frames.at_ns[frame]
         note_seers(objects, rows, frames.cameras[frame], frames.at_ns[frame])
         self.fit(rows)
+        return new, rows
 
     def _allowed(self, frames: Frames, seen: Sightings, new: Rows) -> Rows:
         """Return the new objects that there is room for; what is left out is counted."""

@@ -65,12 +65,13 @@ WIDEST_M: Final = 20.0
 class Sightings:
     """The n objects of some views, in the map.
 
-    frame: the number of each one's view. classes: numbers. edges: (n, REACHES) along UNITS, metres. noise: their
-    variance, infinite where an edge is not measured. low, high: heights. low_known, high_known: whether those are ends
-    of the object. height_noise: variance of both. middle: (n, 2) of the visible surface. away: (n, 2) from the camera.
-    depth: along the optical axis. score: 0 to 1.
+    nth: the number of each one among the objects of all views. frame: the number of its view. classes: numbers. edges:
+    (n, REACHES) along UNITS, metres. noise: their variance, infinite where an edge is not measured. low, high: heights.
+    low_known, high_known: whether those are ends of the object. height_noise: variance of both. middle: (n, 2) of the
+    visible surface. away: (n, 2) from the camera. depth: along the optical axis. score: 0 to 1.
     """
 
+    nth: Rows
     frame: Rows
     classes: Rows
     score: Floats
@@ -122,10 +123,11 @@ def place(frames: Frames, numbers: Sequence[int]) -> tuple[Sightings, Rows]:
         & (table[:, 3] <= FARTHEST_M)
     )
     kept = np.flatnonzero(sane)
-    return _placed(frames, table[kept], frame[kept], classes[kept], away[kept]), frame[~sane]
+    return _placed(frames, kept, classes[kept], away[kept]), frame[~sane]
 
 
-def _placed(frames: Frames, table: Floats, frame: Rows, classes: Rows, away: Floats) -> Sightings:
+def _placed(frames: Frames, nth: Rows, classes: Rows, away: Floats) -> Sightings:
+    table, frame = frames.objects[nth], frames.frame_of[nth]
     reach, depth = table[:, 11:] / 1000, table[:, 3]
     distance = np.maximum(np.sqrt(np.einsum("nk,nk->n", away, away)), 1e-6)
     towards = -away / distance[:, np.newaxis]
@@ -139,6 +141,7 @@ def _placed(frames: Frames, table: Floats, frame: Rows, classes: Rows, away: Flo
     )
     height = HEIGHT_M + HEIGHT_PER_M * depth
     return Sightings(
+        nth=nth,
         frame=frame,
         classes=classes,
         score=table[:, 6],

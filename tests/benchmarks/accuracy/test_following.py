@@ -75,7 +75,8 @@ def test_nothing_seen_and_nothing_found(overlap: Overlap) -> None:
 
 def drive(*frames: Sequence[Seen]) -> HeldOutDrive:
     _, png = cv2.imencode(".png", np.zeros((100, 200, 3), np.uint8))
-    return HeldOutDrive(seed=1, frames=[DriveFrame(png=png.tobytes(), seen=list(each)) for each in frames])
+    made = [DriveFrame(png=png.tobytes(), seen=list(each), depth_png=b"", pose=[]) for each in frames]
+    return HeldOutDrive(seed=1, frames=made)
 
 
 def test_drives_add_up_each_with_identities_of_its_own() -> None:

@@ -12,6 +12,7 @@ def test_one_object_on_standard_output_with_both_models_beside_each_other(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("benchmarks.worldmodel.__main__.HZ", 0.2)
+    monkeypatch.setattr("benchmarks.worldmodel.__main__.DRIVE_FRAMES", 8)
     options = [
         "--warehouses",
         "1",
@@ -19,6 +20,8 @@ def test_one_object_on_standard_output_with_both_models_beside_each_other(
         "60",
         "--changing-seconds",
         "30",
+        "--drives",
+        "1",
         "--load-seconds",
         "0",
         "--runtime",
@@ -33,6 +36,8 @@ def test_one_object_on_standard_output_with_both_models_beside_each_other(
     assert 0 < found["lost_robot"]["inventory_f1"] <= 1
     assert found["false_gone"] >= 0
     assert found["changes"] >= 0
+    assert 0 < found["idf1_by_place"] <= 1
+    assert 0 < found["idf1_by_tracker_masks"] <= 1
     assert found["load"] == {}
     assert {"inventory_f1", "id_purity", "forklifts_exact", "noticed_p95_s", "false_gone", "moved_seen_kept_id"} <= set(
         found["targets"]

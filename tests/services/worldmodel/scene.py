@@ -81,7 +81,8 @@ def view(
         hit = whose == number
         if hit.sum() >= LEAST_RAYS and number not in blind_to:
             points = rays[hit] * depth[hit, np.newaxis]
-            objects.append(_viewed(thing.name, points @ believed[:3, :3].T + believed[:3, 3], hit, depth[hit]))
+            placed = points @ believed[:3, :3].T + believed[:3, 3]
+            objects.append(_viewed(thing.name, number, placed, hit, depth[hit]))
     return CameraView(
         header=Header(
             robot=camera.robot,
@@ -171,7 +172,7 @@ def _cast(things: Sequence[Thing], pose: Floats) -> tuple[Floats, NDArray[np.int
     return np.where(far, 0.0, depth), np.where(far, -1, whose)
 
 
-def _viewed(name: str, points: Floats, hit: NDArray[np.bool_], depth: Floats) -> ViewedObject:
+def _viewed(name: str, index: int, points: Floats, hit: NDArray[np.bool_], depth: Floats) -> ViewedObject:
     middle = points.mean(axis=0)
     reach = ((points - middle)[:, :2] @ UNITS.T).max(axis=0)
     rows, columns = np.divmod(np.flatnonzero(hit), COLUMNS * FINER)
@@ -179,7 +180,7 @@ def _viewed(name: str, points: Floats, hit: NDArray[np.bool_], depth: Floats) ->
     return ViewedObject(
         name=name,
         score=0.9,
-        index=0,
+        index=index,
         box=(
             float(columns.min()) / FINER,
             float(rows.min()) / FINER,

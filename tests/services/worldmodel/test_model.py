@@ -1,5 +1,6 @@
 """What a site's model knows after robots have looked at scenes of boxes."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import msgspec
@@ -44,6 +45,20 @@ def test_once_is_not_enough() -> None:
     model = SiteModel()
     assert watch(model, [BOX], [Camera()], 1.0, 2) == []
     assert watch(model, [BOX], [Camera()], 2.0, 1) == ["appeared"]
+
+
+def test_who_asks_is_told_which_object_each_detection_of_each_view_belongs_to() -> None:
+    told: list[tuple[str, Mapping[int, int]]] = []
+    model = SiteModel(identify=lambda view, numbers: told.append((view.header.robot, numbers)))
+    first, second = Camera(robot="r1"), Camera(0.0, 0.5, 0.0, robot="r2")
+    things = [Thing(4.0, 1.0), BOX, Thing(4.0, -1.0)]
+    model.take(view(things, first, 1.0), NS)
+    numbers = told[-1][1]
+    assert (told[-1][0], sorted(numbers)) == ("r1", [0, 1, 2])
+    assert len(set(numbers.values())) == 3
+    both = [(view(things, first, 1.5, blind_to=[1]), 15 * NS // 10), (view(things, second, 1.5), 15 * NS // 10)]
+    model.take_all(both)
+    assert told[-2:] == [("r1", {0: numbers[0], 2: numbers[2]}), ("r2", numbers)]
 
 
 def test_things_in_a_row_and_in_a_stack_stay_apart() -> None:
