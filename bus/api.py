@@ -240,6 +240,10 @@ class Bus(Protocol):
         """Why the bus has no link, in words; empty while it has one or the settings name no endpoint to connect to."""
 
     @property
+    def certificate(self) -> str:
+        """The name under which routers with access rules know this process: its certificate's, or empty without one."""
+
+    @property
     def links(self) -> LinkUse:
         """The number of links to other processes, incoming and outgoing, and its limit."""
 

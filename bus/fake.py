@@ -79,9 +79,9 @@ class FakeNetwork:
         self._handles: list[_Handle] = []
 
     @asynccontextmanager
-    async def open_bus(self) -> AsyncIterator[Bus]:
-        """Open a bus on this network; leaving closes it."""
-        bus = _FakeBus(self)
+    async def open_bus(self, certificate: str = "") -> AsyncIterator[Bus]:
+        """Open a bus on this network; leaving closes it. certificate: its name, if it has one."""
+        bus = _FakeBus(self, certificate)
         try:
             yield bus
         finally:
@@ -144,8 +144,9 @@ class FakeNetwork:
 
 
 class _FakeBus:
-    def __init__(self, network: FakeNetwork) -> None:
+    def __init__(self, network: FakeNetwork, certificate: str) -> None:
         self._network = network
+        self._certificate = certificate
         self._loop = asyncio.get_running_loop()
         self._handles: list[_Handle] = []
         self._asking = Unanswered()
@@ -154,6 +155,10 @@ class _FakeBus:
     @property
     def link_problem(self) -> str:
         return "the bus is closed" if self._closed else ""
+
+    @property
+    def certificate(self) -> str:
+        return self._certificate
 
     @property
     def links(self) -> LinkUse:

@@ -142,6 +142,11 @@ class BusSettings(BaseModel):
         return self
 
     @property
+    def certificate_name(self) -> str:
+        """The name in the certificate, after which its file is called; empty without one."""
+        return self.tls_certificate.stem if self.tls_certificate else ""
+
+    @property
     def has_one_link(self) -> bool:
         """Whether this is a client that nobody connects to."""
         return self.mode == "client" and not self.listen

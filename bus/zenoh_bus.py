@@ -85,6 +85,7 @@ class ZenohBus:
         self._listed = ListedTokens(prefix)
         self._known_keys = KnownKeys(self._session.do) if settings.has_one_link else None
         self._shared_memory = settings.shared_memory
+        self._certificate = settings.certificate_name
         self._lanes = Lanes()
         self._handles: set[_Handle] = set()
         self._asking = Unanswered()
@@ -109,6 +110,11 @@ class ZenohBus:
     def link_problem(self) -> str:
         """See `bus.api.Bus.link_problem`."""
         return "the bus is closed" if self._closed else self._session.link_problem
+
+    @property
+    def certificate(self) -> str:
+        """See `bus.api.Bus.certificate`."""
+        return self._certificate
 
     @property
     def links(self) -> LinkUse:

@@ -13,7 +13,7 @@ from fleetsight.presence import Roster, WorkerName
 from fleetsight.streams import Iterations, Stream
 from schemas import codec, keys, worker_keys
 from schemas.alerts import Alert
-from schemas.consumer_keys import Wanted
+from schemas.consumer_keys import Wanted, new_consumer
 from schemas.detections import ClassList, Detections
 from schemas.distances import Distances
 from schemas.image import ImageFrame
@@ -191,5 +191,6 @@ class Listening:
 async def images_of(bus: Bus, camera: CameraKey, keep: Latest | Queue) -> AsyncIterator[Subscription]:
     """Subscribe to the images. The gateway sends them raw to a program beside it, and as JPEG to others."""
     color = keys.StreamKey(camera, keys.Stream.COLOR)
-    async with bus.announce(str(Wanted(color, clock_id()))), bus.subscribe(str(color), keep, history=False) as frames:
+    token = Wanted(color, clock_id(), new_consumer(bus.certificate))
+    async with bus.announce(str(token)), bus.subscribe(str(color), keep, history=False) as frames:
         yield frames

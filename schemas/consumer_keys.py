@@ -1,10 +1,20 @@
 """Keys by which consumers declare their subscriptions to a robot's streams, and the rate they can use."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from uuid import uuid4
 
 from schemas.errors import SchemaError
-from schemas.keys import BUDGET, ROBOT_STREAMS, WANTED, CameraKey, RobotStreamKey, SensorKey, check_name, parse_stream
+from schemas.keys import (
+    BUDGET,
+    NAME,
+    ROBOT_STREAMS,
+    WANTED,
+    CameraKey,
+    RobotStreamKey,
+    SensorKey,
+    check_name,
+    parse_stream,
+)
 
 
 def budget(camera: CameraKey, consumer: str) -> str:
@@ -36,7 +46,7 @@ def parse_budget(key: str) -> tuple[CameraKey, str]:
 class Wanted:
     """A consumer's declaration that it subscribes to a camera's stream or one of ROBOT_STREAMS, and its host.
 
-    clock_id: of its machine. consumer: has one token of a stream on a machine; by default a name that nobody else has.
+    clock_id: of its machine. consumer: has one token of a stream on a machine: a worker's name, or a `new_consumer`.
 
     Raises:
         SchemaError: a name that cannot be a chunk of a key.
@@ -44,7 +54,7 @@ class Wanted:
 
     key: "SensorKey"
     clock_id: str
-    consumer: str = field(default_factory=lambda: uuid4().hex)
+    consumer: str
 
     def __post_init__(self) -> None:
         check_name("clock", self.clock_id)
@@ -52,6 +62,16 @@ class Wanted:
 
     def __str__(self) -> str:
         return f"{self.key}/{WANTED}/{self.clock_id}/{self.consumer}"
+
+
+def new_consumer(certificate: str) -> str:
+    """Return a consumer's name that nobody else has: nobody shows another's where access is ruled.
+
+    certificate: the name with which it begins, followed by a dash; empty without one.
+    """
+    unique = uuid4().hex
+    own = f"{certificate}-{unique[:12]}"
+    return own if NAME.fullmatch(own) else unique
 
 
 def every_wanted(robot: str) -> str:

@@ -26,7 +26,10 @@ FAIR: Final = "test_old_certificates_and_renewed_ones_fit_each_other"
 
 
 class Refusals:
-    """A plugin of pytest: cases are what rules forbid, by test; refused are those that came to nothing."""
+    """A plugin of pytest: cases are what rules forbid, by test; refused are those that came to nothing.
+
+    One whose preparations failed was not refused.
+    """
 
     def __init__(self) -> None:
         self.cases = Counter[str]()
@@ -41,7 +44,7 @@ class Refusals:
         report = outcome.get_result()
         if not report.passed:
             self.failed.append(f"{item.nodeid} ({report.when})")
-        if report.when != "call":
+        if report.when == "teardown" or (report.when == "setup" and report.passed):
             return
         forbidden = not getattr(item, "callspec", None) or not item.callspec.params.get("allowed", False)
         group = item.originalname.removeprefix(PREFIX)
@@ -60,7 +63,8 @@ class Refusals:
             "groups": {
                 name: {"cases": count, "refused": self.refused[name]} for name, count in sorted(self.cases.items())
             },
-            "not_passed": self.failed,
+            "not_passed": len(self.failed),
+            "not_passed_tests": self.failed,
         }
 
 

@@ -3,7 +3,7 @@
 import gzip
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from bus.errors import BusError
@@ -63,10 +63,31 @@ def read_access(settings: BusSettings) -> Mapping[str, Any] | None:
     return rules
 
 
-def robots_in(access: Mapping[str, Any]) -> frozenset[str]:
-    """Return the names of robots: each has a rule about the keys of the robot that it is called like."""
-    keys = {key for rule in access["rules"] or () for key in rule.get("key_exprs") or ()}
-    return frozenset(name for name in names_in(access) if f"fleet/{name}/**" in keys)
+def of_one_machine(access: Mapping[str, Any]) -> frozenset[str]:
+    """Return the names whose certificates are each for one machine: all but those that are workers' alone.
+
+    Workers that share the work may share a certificate. They present themselves under their names, and ask nothing of
+    all services, as monitors, operators and routers do; what neighbours of a robot's gateway do is its robot's.
+    """
+    return frozenset(name for name, keys in _taken_in(access) if not _is_a_workers(name, keys))
+
+
+def _is_a_workers(name: str, keys: frozenset[str]) -> bool:
+    is_present = any(key.startswith("workers/") and f"/{name}-$*/" in key for key in keys)
+    return is_present and "services/**" not in keys and f"fleet/{name}/**" not in keys
+
+
+def _taken_in(access: Mapping[str, Any]) -> Iterator[tuple[str, frozenset[str]]]:
+    """Yield each name, and the key expressions of what is let in from it."""
+    names = {subject.get("id"): subject.get("cert_common_names") or () for subject in access["subjects"] or ()}
+    rules = {
+        rule.get("id"): rule.get("key_exprs") or ()
+        for rule in access["rules"] or ()
+        if "ingress" in (rule.get("flows") or ("ingress",))
+    }
+    for policy in access["policies"] or ():
+        keys = frozenset(key for each in policy.get("rules") or () for key in rules.get(each, ()))
+        yield from ((name, keys) for each in policy.get("subjects") or () for name in names.get(each, ()))
 
 
 def names_in(access: Mapping[str, Any]) -> frozenset[str]:

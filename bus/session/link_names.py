@@ -22,13 +22,13 @@ Link = tuple[str, str]
 class LinkNames:
     """The links of a process by the name in the certificate of their other end. Links without certificates have none.
 
-    known: the names in the access rules; None without rules. robots: those of robots, which are used at one address
-    each; workers may share a certificate.
+    known: the names in the access rules; None without rules. of_one_machine: those that are used at one address each;
+    workers may share a certificate.
     """
 
     def __init__(self) -> None:
         self.known: Collection[str] | None = None
-        self.robots: Collection[str] = ()
+        self.of_one_machine: Collection[str] = ()
         self._links: dict[Link, str] = {}
         self._hosts: dict[str, Counter[str]] = {}
         self._strangers: set[str] = set()
@@ -46,7 +46,7 @@ class LinkNames:
         self._links[own, other] = name
         hosts = self._hosts.setdefault(name, Counter())
         hosts[_host(other)] += 1
-        if len(hosts) > 1 and name in self.robots:
+        if len(hosts) > 1 and name in self.of_one_machine:
             self._apart_since_s.setdefault(name, now_s)
         is_news = self.known is not None and name not in self.known and name not in self._strangers
         if is_news:
@@ -80,8 +80,8 @@ class LinkNames:
 class SeenNames:
     """What is wrong with the names of links at one moment.
 
-    strangers: names in no rule: all that they send is refused. apart: robots' names that are used at several addresses,
-    these, and since when.
+    strangers: names in no rule: all that they send is refused. apart: names of one machine that are used at several
+    addresses, these, and since when.
     """
 
     strangers: tuple[str, ...] = ()

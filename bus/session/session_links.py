@@ -5,7 +5,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, Final
 
-from bus.session.access import names_in, robots_in
+from bus.session.access import names_in, of_one_machine
 from bus.session.link_names import LinkNames, SeenNames
 from bus.session.link_use import LinkUse, LinkWarning
 from bus.session.links import Links
@@ -41,7 +41,7 @@ class SessionLinks:
         """Forget the links of the session before. access: the rules of this one, if there are any."""
         self.clear()
         self._names.known = None if access is None else names_in(access)
-        self._names.robots = () if access is None else robots_in(access)
+        self._names.of_one_machine = () if access is None else of_one_machine(access)
 
     def clear(self) -> None:
         """Forget all links."""

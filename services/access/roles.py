@@ -1,7 +1,7 @@
 """Roles of a fleet: under which keys each may send, answer, ask, listen, and show or watch presence. Pure.
 
 A permission on a key expression holds for messages whose own expression lies within it. `$*` stands for any text within
-a chunk: a worker's name begins with the name of its certificate.
+a chunk: a worker's name, and a consumer's, begins with the name of its certificate.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,6 @@ PRESENCE: Final = ("fleet/**", "workers/**", "fleet/*/@alive/*")
 """Presence tokens, also those that robots show in lists: `**` matches no chunk that begins with `@`."""
 
 READ: Final = ("fleet/**", "workers/**")
-WANTED: Final = ("fleet/*/**/wanted/*/*",)
 
 
 class Role(StrEnum):
@@ -101,8 +100,15 @@ def of_role(role: Role, name: str) -> Permissions:
             return _worker(name, services=("worldmodel",), results=(), more=("world/**", "fleet/*/nearby"))
         case Role.WAREHOUSE:
             return Permissions(sends=(f"warehouses/{name}/**",), learns=("warehouses/**",))
+        case Role.MONITOR | Role.OPERATOR:
+            return OF_ALL[role] | Permissions(shows=(_wanted(f"{name}-$*"),), learns=())
         case _:
             return OF_ALL[role]
+
+
+def _wanted(consumer: str) -> str:
+    """Return the presence tokens of a consumer of any robot's streams."""
+    return f"fleet/*/**/wanted/*/{consumer}"
 
 
 OF_ALL: Final = {
@@ -110,18 +116,15 @@ OF_ALL: Final = {
         sends=("fleet/*/alerts", "fleet/*/actions", "services/monitor/**", MODELS),
         asks=(*ALL, ModelKey.LIST),
         hears=(*ALL, ModelKey.REGISTRY),
-        shows=WANTED,
         watches=PRESENCE,
     ),
-    Role.OPERATOR: Permissions(
-        sends=(COLLECT,), asks=(*ALL, MODELS), hears=(*ALL, MODELS), shows=WANTED, watches=PRESENCE
-    ),
+    Role.OPERATOR: Permissions(sends=(COLLECT,), asks=(*ALL, MODELS), hears=(*ALL, MODELS), watches=PRESENCE),
     Role.ROUTER: Permissions(
         sends=(*ALL, MODELS), asks=(*ALL, MODELS), hears=(*ALL, MODELS), shows=PRESENCE, watches=PRESENCE
     ),  # it passes on what it let in under the same rules
     Role.OBSERVER: Permissions(hears=("fleet/*/*/classes",), watches=("fleet/*/*/classes/alive",), learns=()),
 }
-"""Permissions that are the same whatever the certificate's name."""
+"""Permissions that are the same whatever the certificate's name: all of a role's but for wanted tokens."""
 
 
 def _worker(
@@ -129,15 +132,16 @@ def _worker(
 ) -> Permissions:
     """Return what workers may do: read the fleet, send their kind of results, and be present under their own names."""
     own = tuple(f"workers/{service}/{name}-$*" for service in services)
+    consumers = (f"{name}-$*", f"opinion.{name}-$*")
     return Permissions(
         sends=(
             *(f"fleet/*/*/{result}" for result in results),
-            *(f"fleet/*/*/budget/{consumer}" for consumer in (f"{name}-$*", f"opinion.{name}-$*")),
+            *(f"fleet/*/*/budget/{consumer}" for consumer in consumers),
             *(f"{each}/{end}" for each in own for end in ("status", "settings")),
             *more,
         ),
         asks=(*READ, "world/**"),
         hears=(*READ, "world/**"),
-        shows=(*WANTED, *(f"{each}/**" for each in own)),
+        shows=(*map(_wanted, consumers), *(f"{each}/**" for each in own)),
         watches=PRESENCE,
     )

@@ -17,7 +17,7 @@ from bus.sharing.work_counts import Tally
 from schemas import codec
 from schemas.camera_info import CameraInfo
 from schemas.codec import Message
-from schemas.consumer_keys import Wanted
+from schemas.consumer_keys import Wanted, new_consumer
 from schemas.detections import Detections
 from schemas.errors import SchemaError
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey
@@ -92,8 +92,8 @@ class CloudCamera:
         """Work with the points of this sensor until cancelled."""
         tf, tf_static = (RobotStreamKey(self._key.robot, stream) for stream in (TF, TF_STATIC))
         wants_points = Wanted(StreamKey(points, Stream.POINTS), clock_id(), self._worker)
-        wants_tf = Wanted(tf, clock_id())  # other cameras here want them too
         bus, waiting = self._bus, self._waiting
+        wants_tf = Wanted(tf, clock_id(), new_consumer(bus.certificate))  # other cameras here want them too
         try:
             async with (
                 bus.announce(str(wants_points)),

@@ -14,7 +14,7 @@ from typing import Final
 from bus import LATEST, Bus, Publisher, Sample
 from bus.clocks import clock_id
 from schemas import codec
-from schemas.consumer_keys import Wanted
+from schemas.consumer_keys import Wanted, new_consumer
 from schemas.detections import Detections
 from schemas.distances import Distances, ObjectDistance
 from schemas.errors import SchemaError
@@ -79,7 +79,8 @@ async def work(bus: Bus, camera: DistanceCamera, publisher: Publisher, done: Cal
     """Measure a camera's newest detections until cancelled. done: called after each of them."""
     key = camera.account.camera
     depth = Wanted(StreamKey(key, Stream.DEPTH), clock_id(), camera.worker)
-    transforms = Wanted(RobotStreamKey(key.robot, TF), clock_id())  # other cameras here want them too
+    consumer = new_consumer(bus.certificate)  # not the worker: other cameras here want them too
+    transforms = Wanted(RobotStreamKey(key.robot, TF), clock_id(), consumer)
     taking = SensorInput(camera.account, camera.sensed)
     try:
         async with (

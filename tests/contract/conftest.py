@@ -6,6 +6,7 @@ The second of "robot" is a gateway that speaks alone for its robot, whose keys a
 import socket
 from collections.abc import AsyncIterator, Iterator
 from contextlib import AbstractAsyncContextManager, AsyncExitStack
+from pathlib import Path
 from typing import Protocol
 
 import pytest
@@ -13,6 +14,7 @@ from blockbuster import blockbuster_ctx
 
 from bus import Bus, BusSettings, open_bus
 from bus.fake import FakeNetwork
+from tests.bus.certificates import make_certificates
 from tests.waiting import next_of
 
 
@@ -28,7 +30,8 @@ def free_endpoint() -> str:
 
 @pytest.fixture(autouse=True)
 def _nothing_blocks_the_loop() -> Iterator[None]:
-    with blockbuster_ctx("bus"):
+    with blockbuster_ctx("bus") as caught:
+        caught.functions["os.stat"].can_block_in("bus/session/changed_files.py", "__init__")  # once, of certificates
         yield
 
 
@@ -75,6 +78,16 @@ def opener(request: pytest.FixtureRequest) -> Opener:
     if request.param == "fake":
         return FakeNetwork().open_bus
     return lambda: open_bus(BusSettings(mode="router", listen=[free_endpoint()]))
+
+
+@pytest.fixture(params=["fake", "real"])
+def with_certificate(request: pytest.FixtureRequest, tmp_path: Path) -> AbstractAsyncContextManager[Bus]:
+    """A bus that is alone, with the certificate of gpu1."""
+    if request.param == "fake":
+        return FakeNetwork().open_bus("gpu1")
+    make_certificates(tmp_path)
+    listen = [free_endpoint().replace("tcp/", "tls/")]
+    return open_bus(BusSettings.model_validate({"mode": "router", "listen": listen, "tls": tmp_path / "gpu1"}))
 
 
 async def _meet(here: Bus, there: Bus) -> None:

@@ -55,6 +55,13 @@ async def test_two_tasks_cannot_share_an_iteration(buses: tuple[Bus, Bus]) -> No
             await waiting
 
 
+async def test_it_is_known_by_its_certificates_name_or_has_none(
+    buses: tuple[Bus, Bus], with_certificate: AbstractAsyncContextManager[Bus]
+) -> None:
+    async with with_certificate as known:
+        assert (known.certificate, *(bus.certificate for bus in buses)) == ("gpu1", "", "")
+
+
 async def test_put_after_leaving_is_refused(buses: tuple[Bus, Bus]) -> None:
     here, _ = buses
     async with here.publisher(KEY, QoS.RESULT) as out:

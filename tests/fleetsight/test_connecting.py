@@ -9,11 +9,12 @@ import pytest
 
 import fleetsight
 from bus import BusSettings, open_bus
+from schemas.consumer_keys import every_wanted, parse_wanted
 from tests.bus.certificates import certificate, make_certificates
 from tests.bus.sessions import bus_threads
 from tests.contract.conftest import free_endpoint
 from tests.fleetsight.stand_in import stand_in
-from tests.waiting import until
+from tests.waiting import next_of, until
 
 
 async def test_the_environment_says_where_the_fleet_is(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -110,6 +111,21 @@ async def test_certificates_are_used_and_bad_ones_named(tmp_path: Path) -> None:
         ):
             async with connect_with(endpoint, {**own, "tls_key": other["tls_key"]}):
                 raise AssertionError
+
+
+async def test_who_looks_at_images_shows_the_name_of_its_certificate(tmp_path: Path) -> None:
+    make_certificates(tmp_path)
+    endpoint = free_endpoint().replace("tcp/127.0.0.1", "tls/localhost")
+    router = {"mode": "router", "listen": [endpoint], **certificate(tmp_path, "central")}
+    async with (
+        open_bus(BusSettings.model_validate(router)) as bus,
+        bus.watch(every_wanted("r1")) as tokens,
+        connect_with(endpoint, certificate(tmp_path, "gpu1")) as fleet,
+    ):
+        looking = asyncio.ensure_future(anext(aiter(fleet.images("r1", "front"))))
+        assert parse_wanted((await next_of(tokens)).key).consumer.startswith("gpu1-")
+        looking.cancel()
+        await asyncio.wait([looking])
 
 
 async def test_a_certificate_of_another_fleet_is_a_likely_cause(tmp_path: Path) -> None:

@@ -63,9 +63,17 @@ def test_so_does_the_token_of_who_wants_a_whole_robots_stream(
     assert matches(str(token), consumer_keys.every_wanted(robot))
 
 
-def test_consumers_that_have_no_name_are_told_apart() -> None:
+@pytest.mark.parametrize("certificate", ["", "ann", "gpu-1.local", "a b", "a" * 64])
+def test_new_consumers_are_told_apart_and_their_names_can_be_keys(certificate: str) -> None:
     key = RobotStreamKey("r1", TF)
-    assert Wanted(key, "clock").consumer != Wanted(key, "clock").consumer
+    one, other = (Wanted(key, "clock", consumer_keys.new_consumer(certificate)) for _ in range(2))
+    assert one != other
+    assert consumer_keys.parse_wanted(str(one)) == one
+
+
+def test_a_new_consumers_name_begins_with_its_certificates_and_a_dash() -> None:
+    assert consumer_keys.new_consumer("gpu-1.local").startswith("gpu-1.local-")
+    assert "-" not in consumer_keys.new_consumer("")
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from typing import Final, Self
 from bus import QUEUE, Bus
 from bus.clocks import clock_id
 from schemas import codec, keys
-from schemas.consumer_keys import Wanted
+from schemas.consumer_keys import Wanted, new_consumer
 from schemas.errors import SchemaError
 from schemas.keys import RobotStreamKey
 from schemas.transforms import Transforms
@@ -35,7 +35,7 @@ def robots(bus: Bus) -> Robots:
 async def follow(bus: Bus, robot: str, where: Whereabouts) -> None:
     """Keep a robot's pose up to date until cancelled."""
     moving = RobotStreamKey(robot, keys.TF)
-    token = Wanted(moving, clock_id())
+    token = Wanted(moving, clock_id(), new_consumer(bus.certificate))
     async with bus.announce(str(token)), asyncio.TaskGroup() as group:
         group.create_task(_take(bus, RobotStreamKey(robot, keys.TF_STATIC), where))
         group.create_task(_take(bus, moving, where))

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from bus import BusError, BusSettings, open_bus
-from bus.session.access import check_closed, open_endpoints, read_access
+from bus.session.access import check_closed, names_in, of_one_machine, open_endpoints, read_access
 from bus.session.certificates import check_certificates
+from services.access.fleet_file import read_fleet
+from services.access.rules import access_control
 from tests.bus.certificates import certificate, make_certificates
 
 
@@ -95,3 +97,34 @@ def test_a_key_that_everybody_may_read_is_refused(fleet: Path, tmp_path: Path) -
         key.chmod(mode)
         with pytest.raises(BusError, match=f"tls_key {key}: everybody on this machine may read it; run chmod o= {key}"):
             check_certificates(given)
+
+
+def test_all_certificates_but_workers_are_for_one_machine() -> None:
+    rules = access_control(
+        read_fleet(
+            """
+robots: [r1, r2]
+roles:
+  central: [monitor, worldmodel]
+  second: [router, detector]
+  alone: monitor
+  ann: operator
+  bob: [operator, space]
+  wall: observer
+  berlin: warehouse
+  gpu1: detector
+  rack1: space
+  world1: worldmodel
+  both: [detector, space]
+"""
+        )
+    )
+    one = {"r1", "r2", "central", "second", "alone", "ann", "bob", "wall", "berlin"}
+    assert of_one_machine(rules) == one
+    assert names_in(rules) - one == {"gpu1", "rack1", "world1", "both"}
+
+
+def test_rules_that_somebody_wrote_are_read_as_far_as_they_go() -> None:
+    bare = {"subjects": [{"id": "a", "cert_common_names": ["r1"]}, {"id": "b"}], "rules": None}
+    assert of_one_machine({**bare, "policies": None}) == frozenset()
+    assert of_one_machine({**bare, "policies": [{"subjects": ["a", "b", "c"], "rules": ["none"]}, {}]}) == {"r1"}

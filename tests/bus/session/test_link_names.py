@@ -8,7 +8,7 @@ HERE, HERE_TOO, THERE = "tls/10.0.0.5:50000", "tls/10.0.0.5:50001", "tls/10.0.0.
 
 def made(*known: str) -> LinkNames:
     names = LinkNames()
-    names.known = names.robots = known
+    names.known = names.of_one_machine = known
     return names
 
 
@@ -56,7 +56,7 @@ def test_this_machine_is_one_whatever_its_loopback_is_called() -> None:
 
 def test_workers_may_share_a_certificate() -> None:
     names = made("r1", "gpu1")
-    names.robots = {"r1"}
+    names.of_one_machine = {"r1"}
     for other in (HERE, THERE):
         names.add(OWN, other, "gpu1", 0)
     assert names.seen().problems(99) == []

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import shutil
-import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime, timedelta
@@ -20,7 +19,7 @@ from services.access.authority import Authority
 from services.access.certificates import new_key, pem_of, pem_of_key, sign
 from services.access.process import run_access
 from services.access.settings import AccessSettings
-from tests.services.access.links import ANSWER_S, QUIET_S, Fleet, Seen, member, router
+from tests.services.access.links import PATIENCE_S, Fleet, Seen, fence, member, router
 
 RULES: Final = """
 robots: [r1..r3]
@@ -76,49 +75,44 @@ def keys_of(name: str) -> Mapping[str, str]:
 ACTS: Final = tuple(keys_of("r1"))
 
 
-def came_through(fleet: Fleet, session: zenoh.Session, act: str, key: str, *, allowed: bool) -> bool:
+def came_through(fleet: Fleet, session: zenoh.Session, act: str, key: str) -> bool:
     """Act; return whether anything came of it at the router, or, for what is heard, from it."""
-    if act == "answers":
-        return _answers(fleet, session, key, allowed=allowed)
-    seen, tokens = Seen(), list[zenoh.LivelinessToken]()
-    doing: dict[str, Callable[[], object]] = {
-        "sends": lambda: session.put(key, b"x"),
-        "deletes": lambda: session.delete(key),
-        "shows": lambda: tokens.append(session.liveliness().declare_token(key)),
-        "hears": lambda: fleet.central.put(key, b"x"),
-    }
-    if act == "shows":
-        watching = fleet.central.liveliness().declare_subscriber(key, seen)
-    else:
-        watching = (session if act == "hears" else fleet.central).declare_subscriber(key, seen)
-    try:
-        if act == "hears":
-            time.sleep(QUIET_S)  # a subscription takes a moment to reach the router
-        return seen.after(doing[act], expected=int(allowed)) == [key]
-    finally:
-        for token in tokens:
-            token.undeclare()
-        watching.undeclare()
-
-
-def _answers(fleet: Fleet, session: zenoh.Session, key: str, *, allowed: bool) -> bool:
-    queryable = session.declare_queryable(key, lambda query: query.reply(key, b"x"))
-    end = time.monotonic() + (10 if allowed else QUIET_S)
-    try:
-        while True:
-            if any(reply.ok for reply in fleet.central.get(key, timeout=ANSWER_S)):
-                return True
-            if time.monotonic() > end:
-                return False
-    finally:
-        queryable.undeclare()
+    seen = Seen()
+    match act:
+        case "answers":
+            with session.declare_queryable(key, lambda query: query.reply(key, b"x")):
+                fence(session)
+                replies = [reply.ok is not None for reply in fleet.central.get(key, timeout=PATIENCE_S)]
+            assert all(replies)  # none is late
+            return bool(replies)
+        case "shows":
+            with fleet.central.liveliness().declare_subscriber(key, seen.at_once):
+                with session.liveliness().declare_token(key):
+                    fence(session)
+                    found = seen.take()
+                fence(session)
+            return found == [key]
+        case "hears":
+            with session.declare_subscriber(key, seen.at_once):
+                fence(session)
+                fleet.central.put(key, b"x", congestion_control=zenoh.CongestionControl.BLOCK)
+                fence(session)
+                return seen.take() == [key]
+        case _:
+            with fleet.central.declare_subscriber(key, seen.at_once):
+                if act == "sends":
+                    session.put(key, b"x")
+                else:
+                    session.delete(key)
+                fence(session)
+                return seen.take() == [key]
 
 
 @pytest.mark.parametrize(("name", "allowed"), [("r1", True), ("r2", False), ("gpu1", True), ("gpu2", False)])
 @pytest.mark.parametrize("act", ACTS)
 def test_revoked(fleet: Fleet, name: str, act: str, allowed: bool) -> None:  # noqa: FBT001
     """A certificate and key that were copied before their name was revoked open a link, and nothing comes of it."""
-    assert came_through(fleet, fleet.members[name], act, keys_of(name)[act], allowed=allowed) is allowed
+    assert came_through(fleet, fleet.members[name], act, keys_of(name)[act]) is allowed
 
 
 @pytest.mark.parametrize(
@@ -128,11 +122,11 @@ def test_revoked(fleet: Fleet, name: str, act: str, allowed: bool) -> None:  # n
 @pytest.mark.parametrize("act", ["sends", "deletes", "shows", "answers"])
 def test_renamed(fleet: Fleet, name: str, speaks_as: str, act: str, allowed: bool) -> None:  # noqa: FBT001
     """A session that speaks under another name than that of its certificate."""
-    assert came_through(fleet, fleet.members[name], act, keys_of(speaks_as)[act], allowed=allowed) is allowed
+    assert came_through(fleet, fleet.members[name], act, keys_of(speaks_as)[act]) is allowed
 
 
 def test_renamed_does_not_hear_what_is_for_another(fleet: Fleet) -> None:
-    assert not came_through(fleet, fleet.members["r1"], "hears", keys_of("r3")["hears"], allowed=False)
+    assert not came_through(fleet, fleet.members["r1"], "hears", keys_of("r3")["hears"])
 
 
 @contextmanager
@@ -198,30 +192,15 @@ def test_renamed_by_a_forged_certificate(
 @pytest.mark.parametrize(("name", "allowed"), [("r1", True), ("r3", False), ("gpu1", False), ("r2", False)])
 def test_replayed(fleet: Fleet, name: str, allowed: bool) -> None:  # noqa: FBT001
     """What a robot sent, sent again just as it was: its key, payload, encoding, attachment and time."""
-    key, caught = "fleet/r1/front/info", list[zenoh.Sample]()
-    seen = Seen()
-
-    def take(sample: zenoh.Sample) -> None:
-        caught.append(sample)
-        seen(sample)
-
-    watching = fleet.central.declare_subscriber(key, take)
-    try:
+    key, caught, sender = "fleet/r1/front/info", list[zenoh.Sample](), fleet.members[name]
+    with fleet.central.declare_subscriber(key, zenoh.handlers.Callback(caught.append, indirect=False)):
         robot, stamp = fleet.members["r1"], fleet.members["r1"].new_timestamp()
-        assert seen.after(
-            lambda: robot.put(key, b"x", encoding="app/x", attachment=b"1", timestamp=stamp), expected=1
-        ) == [key]
+        robot.put(key, b"x", encoding="app/x", attachment=b"1", timestamp=stamp)
+        fence(robot)
         (first,) = caught
-        sender = fleet.members[name]
-        heard = seen.after(
-            lambda: sender.put(
-                key, first.payload, encoding=first.encoding, attachment=first.attachment, timestamp=first.timestamp
-            ),
-            expected=int(allowed),
-        )
-        assert heard == ([key] if allowed else [])
-    finally:
-        watching.undeclare()
+        sender.put(key, first.payload, encoding=first.encoding, attachment=first.attachment, timestamp=first.timestamp)
+        fence(sender)
+    assert len(caught) == 1 + allowed
 
 
 @pytest.mark.parametrize("allowed", [True, False])

@@ -1,5 +1,9 @@
 """A real router, real certificates: what each role may hear, ask and watch; all else stays secret."""
 
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import pytest
 import zenoh
 from zenoh.ext import (
@@ -11,13 +15,9 @@ from zenoh.ext import (
     declare_advanced_subscriber,
 )
 
-from tests.services.access.links import (
-    ANSWER_S,
-    BOUND,
-    Fleet,
-    Seen,
-    until_matching,
-)
+from tests.services.access.links import PATIENCE_S, Fleet, Seen, fence
+from tests.services.access.rights import ASKS, HEARS, MEMBERS, MESSAGES, TOKENS, WATCHES, cases, with_all
+from tests.services.access.rights import sentinel as sentinel_of
 
 HEARD = [
     ("r1", "fleet/r1/actions", "fleet/r1/actions", True),
@@ -64,17 +64,25 @@ HEARD = [
 ]
 
 
-@pytest.mark.parametrize(("name", "expression", "key", "allowed"), HEARD)
+def heard(fleet: Fleet, name: str, expression: str, key: str) -> list[str]:
+    """Return what a member hears of a message."""
+    seen, session = Seen(), fleet.members[name]
+    with session.declare_subscriber(expression, seen.at_once):
+        fence(session)
+        fleet.central.put(key, b"x", congestion_control=zenoh.CongestionControl.BLOCK)
+        fence(session)
+    return seen.take()
+
+
+@pytest.mark.parametrize(
+    ("name", "expression", "key", "allowed"),
+    dict.fromkeys([*HEARD, *((name, key, key, allowed) for name, key, allowed in cases(HEARS, MESSAGES))]),
+)
 def test_what_it_hears(fleet: Fleet, name: str, expression: str, key: str, allowed: bool) -> None:  # noqa: FBT001
-    seen = Seen()
-    publisher = fleet.central.declare_publisher(key)
-    subscriber = fleet.members[name].declare_subscriber(expression, seen)
-    try:
-        until_matching(publisher, expected=allowed)
-        assert seen.after(lambda: publisher.put(b"x"), expected=int(allowed)) == ([key] if allowed else [])
-    finally:
-        subscriber.undeclare()
-        publisher.undeclare()
+    found = heard(fleet, name, expression, key)
+    able, sentinel = sentinel_of(name, HEARS, MESSAGES)
+    assert heard(fleet, able, sentinel, sentinel) == [sentinel]
+    assert found == ([key] if allowed else [])
 
 
 @pytest.mark.parametrize(
@@ -90,6 +98,21 @@ def test_what_it_hears(fleet: Fleet, name: str, expression: str, key: str, allow
     ],
 )
 def test_what_it_gets_of_what_is_kept(fleet: Fleet, name: str, key: str, allowed: bool) -> None:  # noqa: FBT001
+    able, sentinel = sentinel_of(name, HEARS, MESSAGES)
+    with (
+        keeping(fleet, key),
+        keeping(fleet, sentinel),
+        listening(fleet, name, key) as seen,
+        listening(fleet, able, sentinel) as known,
+    ):
+        assert known.until(1) == [sentinel]
+        fence(fleet.members[name])
+        assert seen.until(int(allowed)) == ([key] if allowed else [])
+
+
+@contextmanager
+def keeping(fleet: Fleet, key: str) -> Iterator[None]:
+    """Have the router's own session keep a message for those who come late."""
     kept: AdvancedPublisher = declare_advanced_publisher(
         fleet.central,
         key,
@@ -98,22 +121,17 @@ def test_what_it_gets_of_what_is_kept(fleet: Fleet, name: str, key: str, allowed
         sample_miss_detection=MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
     )
     kept.put(b"earlier")
-    seen = Seen()
+    yield
+    kept.undeclare()
 
-    def listen() -> None:
-        listening.append(
-            declare_advanced_subscriber(
-                fleet.members[name], key, seen, history=HistoryConfig(detect_late_publishers=True)
-            )
-        )
 
-    listening: list[object] = []
-    try:
-        assert seen.after(listen, expected=int(allowed)) == ([key] if allowed else [])
-    finally:
-        for each in listening:
-            each.undeclare()  # type: ignore[attr-defined]
-        kept.undeclare()
+@contextmanager
+def listening(fleet: Fleet, name: str, key: str) -> Iterator[Seen]:
+    """Have a member hear what is, and was, sent."""
+    seen, history = Seen(), HistoryConfig(detect_late_publishers=True)
+    subscriber = declare_advanced_subscriber(fleet.members[name], key, seen, history=history)
+    yield seen
+    subscriber.undeclare()
 
 
 ASKED = [
@@ -165,15 +183,21 @@ ASKED = [
 ]
 
 
-@pytest.mark.parametrize(("name", "key", "allowed"), ASKED)
+def answered(session: zenoh.Session, key: str) -> list[str]:
+    """Return the keys of the answers to a session; all that were to come."""
+    return [str(reply.ok.key_expr) if reply.ok else "none in time" for reply in session.get(key, timeout=PATIENCE_S)]
+
+
+@pytest.mark.parametrize(("name", "key", "allowed"), with_all(ASKED, ASKS, MESSAGES))
 def test_what_it_asks(fleet: Fleet, name: str, key: str, allowed: bool) -> None:  # noqa: FBT001
     place = key.replace("*", "r2")
-    queryable = fleet.central.declare_queryable(place, lambda query: query.reply(place, b"secret"))
-    try:
-        replies = [str(reply.ok.key_expr) for reply in fleet.members[name].get(key, timeout=ANSWER_S) if reply.ok]
-        assert replies == ([place] if allowed else [])
-    finally:
-        queryable.undeclare()
+    with fleet.central.declare_queryable(place, lambda query: query.reply(place, b"secret")):
+        assert answered(fleet.central, place) == [place]
+        found = answered(fleet.members[name], key)
+    able, sentinel = sentinel_of(name, ASKS, MESSAGES)
+    with fleet.central.declare_queryable(sentinel, lambda query: query.reply(sentinel, b"known")):
+        assert answered(fleet.members[able], sentinel) == [sentinel]
+    assert found == ([place] if allowed else [])
 
 
 WATCHED = [
@@ -196,7 +220,27 @@ WATCHED = [
 ]
 
 
-@pytest.mark.parametrize(("name", "expression", "key", "allowed"), WATCHED)
+def watched(fleet: Fleet, name: str, expression: str, key: str, kind: str) -> list[str]:
+    """Return what a member sees of a token."""
+    session, seen = fleet.members[name], Seen()
+    with fleet.central.liveliness().declare_token(key):
+        if kind == "subscription":
+            with session.liveliness().declare_subscriber(expression, seen.at_once, history=True):
+                fence(session)
+                found = seen.take()
+        else:
+            began_s = time.monotonic()
+            replies = session.liveliness().get(expression, timeout=PATIENCE_S)
+            found = [str(reply.ok.key_expr) for reply in replies if reply.ok]
+            assert time.monotonic() - began_s < PATIENCE_S  # it has no other sign of having ended unanswered
+    fence(session)  # what is told of the token's end is not told to the next
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "expression", "key", "allowed"),
+    dict.fromkeys([*WATCHED, *((name, key, key, allowed) for name, key, allowed in cases(WATCHES, TOKENS))]),
+)
 @pytest.mark.parametrize("kind", ["subscription", "query"])
 def test_whose_presence_it_sees(  # noqa: PLR0917
     fleet: Fleet,
@@ -206,28 +250,16 @@ def test_whose_presence_it_sees(  # noqa: PLR0917
     kind: str,
     allowed: bool,  # noqa: FBT001
 ) -> None:
-    token = fleet.central.liveliness().declare_token(key)
-    seen = Seen()
-    watching: list[zenoh.Subscriber[None]] = []
-    presence = fleet.members[name].liveliness()
-    try:
-        if kind == "subscription":
-            found = seen.after(
-                lambda: watching.append(presence.declare_subscriber(expression, seen, history=True)),
-                expected=int(allowed),
-            )
-        else:
-            found = [str(reply.ok.key_expr) for reply in presence.get(expression, timeout=ANSWER_S) if reply.ok]
-        assert found == ([key] if allowed else [])
-    finally:
-        for each in watching:
-            each.undeclare()
-        token.undeclare()
-        fleet.wait_until_nobody_is_present()
+    found = watched(fleet, name, expression, key, kind)
+    able, sentinel = sentinel_of(name, WATCHES, TOKENS)
+    assert watched(fleet, able, sentinel, sentinel, kind) == [sentinel]
+    assert found == ([key] if allowed else [])
 
 
-@pytest.mark.parametrize("name", BOUND)
+@pytest.mark.parametrize("name", MEMBERS)
 def test_nobody_reads_a_routers_admin_space(fleet: Fleet, name: str) -> None:
-    replies = fleet.members[name].get("@/**", timeout=ANSWER_S)
-    own = str(fleet.members[name].info.zid())
-    assert [str(reply.ok.key_expr) for reply in replies if reply.ok and own not in str(reply.ok.key_expr)] == []
+    router = str(fleet.central.info.zid())
+    assert any(router in key for key in answered(fleet.central, "@/**"))
+    session = fleet.members[name]
+    own = str(session.info.zid())
+    assert [key for key in answered(session, "@/**") if own not in key] == []

@@ -1,4 +1,4 @@
-"""A real router under access rules: links, and a robot that others connect to."""
+"""A real router under access rules: links, those that the rules allow nothing, a robot that others connect to."""
 
 import json
 import time
@@ -7,10 +7,23 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from bus import open_bus
 from bus.session.config import session_config
 from bus.settings import BusSettings
+from services.access.fleet_file import read_fleet
+from services.access.rules import access_control
 from tests.contract.conftest import free_endpoint
-from tests.services.access.links import Fleet, Seen, make_pki, member, router, settings_of, until_matching
+from tests.services.access.links import (
+    FLEET,
+    Fleet,
+    Seen,
+    make_pki,
+    member,
+    router,
+    settings_of,
+    until_matching,
+)
+from tests.waiting import until
 
 
 def test_a_robot_and_its_neighbour_are_told_of_demand_and_not_of_other_robots(fleet: Fleet) -> None:
@@ -36,7 +49,11 @@ def test_a_robot_and_its_neighbour_are_told_of_demand_and_not_of_other_robots(fl
             assert time.monotonic() < end
         assert set(heard.keys) == {"fleet/r2/front/distances"}
         token = fleet.central.liveliness().declare_token("fleet/r1/alive")
-        assert seen.after(lambda: None, expected=0) == []
+        of_its_own = beside.liveliness().declare_subscriber("fleet/r2/**", known := Seen(), history=True)
+        with fleet.central.liveliness().declare_token("fleet/r2/alive"):
+            assert known.until(1) == ["fleet/r2/alive"]
+        assert "fleet/r1/alive" not in seen.keys
+        of_its_own.undeclare()
         subscriber.undeclare()
         measured.undeclare()
         others.undeclare()
@@ -60,3 +77,16 @@ def test_a_link_ends_with_its_certificate(tmp_path: Path) -> None:
         while session.info.links():
             assert time.monotonic() < end
             time.sleep(0.1)
+
+
+async def test_a_name_that_rules_do_not_know_or_deny_is_named_while_it_is_connected(tmp_path: Path) -> None:
+    make_pki(tmp_path)
+    (tmp_path / "access.json").write_text(json.dumps(access_control(read_fleet(FLEET))))
+    endpoint = free_endpoint().replace("tcp/", "tls/")
+    settings = settings_of(tmp_path, "central", mode="router", listen=[endpoint], access=tmp_path / "access.json")
+    async with open_bus(settings) as bus:
+        with member(tmp_path, "r1", endpoint), member(tmp_path, "stranger", endpoint), member(tmp_path, "r3", endpoint):
+            await until(lambda: bus.links.count == 3, "all are connected")
+            assert bus.links.strangers == 2
+            assert [line.split()[1] for line in bus.links.wrong] == ["r3", "stranger"]
+        await until(lambda: not bus.links.wrong, "they have gone")

@@ -1,19 +1,14 @@
 """A real router, real certificates: what each role may send, answer and show; all else comes to nothing."""
 
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 import zenoh
 
-from services.access.roles import ALL, MODELS
-from tests.services.access.links import (
-    ANSWER_S,
-    QUIET_S,
-    Fleet,
-    Seen,
-    until_matching,
-)
+from tests.services.access.links import PATIENCE_S, Fleet, Seen, fence
+from tests.services.access.rights import MESSAGES, SENDS, SHOWS, TOKENS, with_all
+from tests.services.access.rights import sentinel as sentinel_of
 
 SENT = [
     ("r1", "fleet/r1/front/color", True),
@@ -72,28 +67,41 @@ SENT = [
 ]
 
 
-@pytest.mark.parametrize(("name", "key", "allowed"), SENT)
-@pytest.mark.parametrize("kind", ["put", "delete", "declared"])
-def test_what_it_sends(fleet: Fleet, name: str, key: str, kind: str, allowed: bool) -> None:  # noqa: FBT001
-    session = fleet.members[name]
-    publisher = session.declare_publisher(key) if kind == "declared" else None
-    act: Callable[[], object] = {
-        "put": lambda: session.put(key, b"x"),
-        "delete": lambda: session.delete(key),
-        "declared": lambda: publisher and publisher.put(b"x"),
-    }[kind]
+@pytest.fixture(scope="module")
+def heard(fleet: Fleet) -> Seen:
+    """What the router's own session hears of the fleet."""
     seen = Seen()
-    subscribers = [fleet.central.declare_subscriber(expression, seen) for expression in (*ALL, MODELS)]
-    try:
-        if publisher is not None:
-            until_matching(publisher, expected=allowed)
-        heard = seen.after(act, expected=int(allowed))
-        assert heard == ([key] if allowed else [])
-    finally:
-        for subscriber in subscribers:
-            subscriber.undeclare()
-        if publisher is not None:
-            publisher.undeclare()
+    for part in ("fleet", "workers", "services", "world", "warehouses", "models", "elsewhere"):
+        fleet.central.declare_subscriber(f"{part}/**", seen.at_once)
+    return seen
+
+
+@pytest.mark.parametrize(("name", "key", "allowed"), with_all(SENT, SENDS, MESSAGES))
+@pytest.mark.parametrize("kind", ["put", "delete", "declared"])
+def test_what_it_sends(  # noqa: PLR0917
+    fleet: Fleet,
+    heard: Seen,
+    name: str,
+    key: str,
+    kind: str,
+    allowed: bool,  # noqa: FBT001
+) -> None:
+    session = fleet.members[name]
+    able, sentinel = sentinel_of(name, SENDS, MESSAGES)
+    heard.take()
+    match kind:
+        case "put":
+            session.put(key, b"x")
+        case "delete":
+            session.delete(key)
+        case _:
+            with session.declare_publisher(key) as publisher:
+                fence(session)  # it knows whether somebody listens
+                publisher.put(b"x")
+    fence(session)
+    fleet.members[able].put(sentinel, b"x")
+    fence(fleet.members[able])
+    assert heard.take() == [*([key] if allowed else []), sentinel]
 
 
 ANSWERED = [
@@ -125,32 +133,37 @@ ANSWERED = [
 ]
 
 
-@pytest.mark.parametrize(("name", "key", "allowed"), ANSWERED)
+def answers(fleet: Fleet, key: str, asked: str = "") -> list[str]:
+    """Return the keys of the answers to the router's own session; none is late."""
+    replies = fleet.central.get(asked or key, accept_replies=zenoh.ReplyKeyExpr.ANY, timeout=PATIENCE_S)
+    return [str(reply.ok.key_expr) if reply.ok else "none in time" for reply in replies]
+
+
+@contextmanager
+def answering(fleet: Fleet, name: str, key: str, expression: str = "") -> Iterator[None]:
+    """Have a member answer, as far as the router lets it."""
+    session = fleet.members[name]
+    with session.declare_queryable(expression or key, lambda query: query.reply(key, b"x")):
+        fence(session)
+        yield
+    fence(session)
+
+
+@pytest.mark.parametrize(("name", "key", "allowed"), with_all(ANSWERED, SENDS, MESSAGES))
 def test_what_it_answers(fleet: Fleet, name: str, key: str, allowed: bool) -> None:  # noqa: FBT001
-    queryable = fleet.members[name].declare_queryable(key, lambda query: query.reply(key, b"x"))
-    end = time.monotonic() + (10 if allowed else QUIET_S)
-    replies: list[str] = []
-    try:
-        while not replies and time.monotonic() < end:
-            replies = [str(reply.ok.key_expr) for reply in fleet.central.get(key, timeout=ANSWER_S) if reply.ok]
-        assert replies == ([key] if allowed else [])
-    finally:
-        queryable.undeclare()
+    with answering(fleet, name, key):
+        found = answers(fleet, key)
+    able, sentinel = sentinel_of(name, SENDS, MESSAGES)
+    with answering(fleet, able, sentinel):
+        assert answers(fleet, sentinel) == [sentinel]
+    assert found == ([key] if allowed else [])
 
 
 @pytest.mark.parametrize(("name", "allowed"), [("r1", True), ("rack1", False), ("ann", False)])
 def test_what_a_robot_keeps_is_had_from_one_queryable(fleet: Fleet, name: str, allowed: bool) -> None:  # noqa: FBT001
     key = "fleet/r1/front/info"
-    queryable = fleet.members[name].declare_queryable("fleet/r1/**/@adv/pub/1/**", lambda query: query.reply(key, b"x"))
-    end = time.monotonic() + (10 if allowed else QUIET_S)
-    replies: list[str] = []
-    try:
-        while not replies and time.monotonic() < end:
-            found = fleet.central.get(f"{key}/@adv/pub/1/2/_", accept_replies=zenoh.ReplyKeyExpr.ANY, timeout=ANSWER_S)
-            replies = [str(reply.ok.key_expr) for reply in found if reply.ok]
-        assert replies == ([key] if allowed else [])
-    finally:
-        queryable.undeclare()
+    with answering(fleet, name, key, "fleet/r1/**/@adv/pub/1/**"):
+        assert answers(fleet, key, f"{key}/@adv/pub/1/2/_") == ([key] if allowed else [])
 
 
 SHOWN = [
@@ -181,7 +194,21 @@ SHOWN = [
     ("world1", "workers/worldmodel/world2-12-ab/1/-/alive", False),
     ("r3", "fleet/r3/alive", False),
     ("gpu1", "workers/detector/gpu1-12-ab/1/-/alive", True),
-    ("gpu1", "fleet/r1/front/color/wanted/here/x", True),
+    ("gpu1", "fleet/r1/front/color/wanted/here/gpu1-12-ab", True),
+    ("gpu1", "fleet/r1/front/color/wanted/here/opinion.gpu1-12-ab", True),
+    ("gpu1", "fleet/r1/front/color/wanted/here/gpu2-12-ab", False),
+    ("gpu1", "fleet/r1/front/color/wanted/here/opinion.gpu2-12-ab", False),
+    ("gpu1", "fleet/r1/front/color/wanted/here/x", False),
+    ("rack1", "fleet/r1/front/depth/wanted/here/rack1-12-ab", True),
+    ("rack1", "fleet/r1/tf/wanted/here/rack1-12-ab", True),
+    ("rack1", "fleet/r1/tf/wanted/here/gpu1-12-ab", False),
+    ("world1", "fleet/r1/tf/wanted/here/world1-12-ab", True),
+    ("world1", "fleet/r1/tf/wanted/here/rack1-12-ab", False),
+    ("central2", "fleet/r1/tf/wanted/here/gpu1-12-ab", False),
+    ("ann", "fleet/r1/front/color/wanted/here/ann-12ab", True),
+    ("ann", "fleet/r1/front/color/wanted/here/gpu1-12-ab", False),
+    ("berlin", "fleet/r1/front/color/wanted/here/berlin-12-ab", False),
+    ("r1", "fleet/r1/front/color/wanted/here/12ab", True),
     ("gpu1", "workers/detector/gpu2-12-ab/1/-/alive", False),
     ("gpu1", "workers/distance/gpu1-12-ab/1/-/alive", False),
     ("gpu1", "fleet/r1/alive", False),
@@ -190,28 +217,31 @@ SHOWN = [
     ("ann", "fleet/r1/@alive/front:color:alive", False),
     ("world1", "workers/worldmodel/world1-12-ab/1/-/alive", True),
     ("world1", "fleet/r1/alive", False),
-    ("central2", "fleet/r1/front/color/wanted/here/x", True),
+    ("central2", "fleet/r1/tf/wanted/here/central2-12ab", True),
     ("central2", "fleet/r1/alive", False),
     ("ann", "fleet/r1/alive", False),
-    ("wall", "fleet/r1/front/color/wanted/here/x", False),
+    ("wall", "fleet/r1/front/color/wanted/here/wall-12ab", False),
     ("wall", "workers/detector/wall-12-ab/1/-/alive", False),
     ("stranger", "fleet/stranger/alive", False),
 ]
 
 
-@pytest.mark.parametrize(("name", "key", "allowed"), SHOWN)
+@pytest.mark.parametrize(("name", "key", "allowed"), with_all(SHOWN, SHOWS, TOKENS))
 def test_what_presence_it_shows(fleet: Fleet, name: str, key: str, allowed: bool) -> None:  # noqa: FBT001
     seen = Seen()
-    lists = "fleet/*/@alive/*"  # which ** does not match
-    watching = fleet.central.liveliness().declare_subscriber(lists if "@" in key else "**", seen)
-    tokens: list[zenoh.LivelinessToken] = []
-    try:
-        shown = seen.after(
-            lambda: tokens.append(fleet.members[name].liveliness().declare_token(key)), expected=int(allowed)
-        )
-        assert shown == ([key] if allowed else [])
-    finally:
-        for token in tokens:
-            token.undeclare()
-        watching.undeclare()
-        fleet.wait_until_nobody_is_present()
+    session, (able, sentinel) = fleet.members[name], sentinel_of(name, SHOWS, TOKENS)
+    watching = [  # ** does not match the latter
+        fleet.central.liveliness().declare_subscriber(expression, seen.at_once)
+        for expression in ("**", "fleet/*/@alive/*")
+    ]
+    with session.liveliness().declare_token(key):
+        fence(session)
+        shown = seen.take()
+        with fleet.members[able].liveliness().declare_token(sentinel):
+            fence(fleet.members[able])
+            assert seen.take() == [sentinel] or shown == [sentinel]
+    for each in watching:
+        each.undeclare()
+    fence(session)
+    fence(fleet.members[able])
+    assert shown == ([key] if allowed else [])

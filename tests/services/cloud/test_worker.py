@@ -108,7 +108,7 @@ async def rig() -> AsyncIterator[Rig]:
     async with AsyncExitStack() as stack:
         executor = stack.enter_context(ThreadPoolExecutor(1))
         theirs = await stack.enter_async_context(network.open_bus())
-        ours = await stack.enter_async_context(network.open_bus())
+        ours = await stack.enter_async_context(network.open_bus("rack1"))
         group = await stack.enter_async_context(asyncio.TaskGroup())
         worker = CloudWorker(ours, settings, executor, join_s=0)
         working = group.create_task(worker.run())
@@ -150,6 +150,7 @@ async def test_registered_points_become_objects_while_somebody_wants_them(rig: R
             points, moving = sorted([consumer_keys.parse_wanted((await anext(tokens)).key) for _ in range(2)], key=str)
             assert points == Wanted(StreamKey(FRONT, Stream.POINTS), clock_id(), "w1")
             assert (moving.key, moving.clock_id) == (RobotStreamKey("r1", "tf"), clock_id())
+            assert moving.consumer.startswith("rack1-")
             front[Stream.POINTS].put(codec.encode(registered(3)))
             front[Stream.DETECTIONS].put(codec.encode(found(3)))
             made = await receive(objects, ObjectClouds)

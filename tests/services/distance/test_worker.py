@@ -61,7 +61,7 @@ async def rig() -> AsyncIterator[Rig]:
     with ThreadPoolExecutor(1) as executor:
         async with (
             network.open_bus() as theirs,
-            network.open_bus() as ours,
+            network.open_bus("rack1") as ours,
             robot(theirs) as front,
             working(ours, executor),
         ):
@@ -145,6 +145,7 @@ async def test_the_gateway_is_told_where_its_depth_and_transforms_go(rig: Rig) -
             depth, moving = sorted([consumer_keys.parse_wanted((await anext(watch)).key) for _ in range(2)], key=str)
     assert depth == Wanted(StreamKey(FRONT, Stream.DEPTH), clock_id(), "w1")
     assert (moving.key, moving.clock_id) == (RobotStreamKey("r1", TF), clock_id())
+    assert moving.consumer.startswith("rack1-")
 
 
 async def test_detections_wait_for_the_depth_of_their_instant(rig: Rig) -> None:

@@ -20,7 +20,7 @@ ENCODING = codec.encoding(Transforms)
 async def test_transforms_are_wanted_while_somebody_looks_at_the_map() -> None:
     network = FakeNetwork()
     async with (
-        network.open_bus() as ours,
+        network.open_bus("central") as ours,
         network.open_bus() as theirs,
         theirs.publisher(str(RobotStreamKey("r1", "tf")), QoS.STATUS, encoding=ENCODING) as moving,
         theirs.publisher(str(RobotStreamKey("r1", "tf_static")), QoS.LATCHED, encoding=ENCODING) as still,
@@ -38,6 +38,7 @@ async def test_transforms_are_wanted_while_somebody_looks_at_the_map() -> None:
             assert (pose.x, pose.y) == (2.0, 2.0)
             wanted = consumer_keys.parse_wanted((await anext(tokens)).key)
             assert (wanted.key, wanted.clock_id) == (RobotStreamKey("r1", "tf"), clock_id())
+            assert wanted.consumer.startswith("central-")
         await until(lambda: not moving.wanted)
 
 
