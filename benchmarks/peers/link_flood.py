@@ -32,8 +32,8 @@ TOKENS: Final = 25_000
 CAMERAS_LISTED: Final = 300
 """In one list, which has room for 8,000 characters."""
 
-LISTS: Final = 10
-"""Of one robot."""
+LISTS: Final = 60
+"""Of one robot: more tokens than are followed."""
 
 HALF_BYTES: Final = 120 << 20
 """Of a message: a little less than a router takes in."""

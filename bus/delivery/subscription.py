@@ -21,19 +21,13 @@ from bus.history.key_state import Fetch, Hold, Numbered
 from bus.history.numbering import CACHE, is_sent_again, owner_of, stamp_of
 from bus.history.ordering import History
 from bus.presence.listed_tokens import ListedTokens
-from bus.presence.token_lists import FollowedTokens
 from bus.session.known_keys import number_of
 
 AGAIN_S: Final = 0.5
 """Delay before an empty cache is asked again: Zenoh's routers (1.10) know their routes 0.1 s after a new link."""
 
 HOLD_S: Final = 10.0
-"""Longest time for which live messages of a key wait for older ones, whatever caches there seem to be.
-
-Each further time is half as long, until caches answer."""
-
-HALVED: Final = 6
-"""How often at most."""
+"""Longest time for which live messages of a key wait for older ones, whatever caches there seem to be."""
 
 _PUT: Final = zenoh.SampleKind.PUT
 
@@ -107,7 +101,6 @@ class HistorySubscription(ZenohSubscription):
             size=lambda sample: 0 if sample is None else len(sample.payload),
         )
         self._listed = listed
-        self._followed = FollowedTokens()
         self._unknown = 0  # kinds of tokens of which it is not known yet whether all have been told
         self._known = known
         self._one_at_a_time = threading.Lock()
@@ -117,7 +110,6 @@ class HistorySubscription(ZenohSubscription):
         with self._one_at_a_time:
             self._turn += 1
             self._unknown = 2
-            self._followed.clear()
             self._history.cut_off()
         self._caches.use(session)
         liveliness = session.liveliness()
@@ -152,7 +144,7 @@ class HistorySubscription(ZenohSubscription):
     def _take_token(self, turn: int, cache: str, *, alive: bool) -> None:
         key, _ = owner_of(cache)
         with self._one_at_a_time:
-            if turn != self._turn or not (self._followed.add(cache) if alive else self._followed.discard(cache)):
+            if turn != self._turn:
                 return
             if alive:
                 if self._known is not None:
@@ -199,8 +191,7 @@ class HistorySubscription(ZenohSubscription):
         self._call_later(AGAIN_S, partial(self._with_history, self._turn, partial(self._history.ask_again, fetch)))
 
     def _end_hold_later(self, hold: Hold) -> None:
-        delay_s = HOLD_S / 2 ** min(hold.silent, HALVED)
-        self._call_later(delay_s, partial(self._with_history, self._turn, partial(self._history.end_hold, hold)))
+        self._call_later(HOLD_S, partial(self._with_history, self._turn, partial(self._history.end_hold, hold)))
 
     def _submit_later(self, delay_s: float, call: Callable[[], None]) -> None:
         self._call_later(delay_s, partial(self._submit, call))

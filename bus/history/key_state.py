@@ -40,15 +40,10 @@ class Fetch(NamedTuple):
 
 
 class Hold(NamedTuple):
-    """A time for which a key's live messages wait for older ones: its number among those of the key.
-
-    silent: how many more of those before ended without an answer than with one. The more, the shorter should it be:
-    somebody who shows one silent cache after the other would otherwise hold the key up for ever.
-    """
+    """A time for which a key's live messages wait for older ones: its number among those of the key."""
 
     key: str
     number: int
-    silent: int
 
 
 @dataclass(slots=True)
@@ -96,7 +91,7 @@ class KeyState(Generic[M]):
     caches: those of present publishers. asked: those with a pending query, and whether to query them once more.
     doubted: those that are present and had nothing at the first query.
     held: live messages that wait for their answers, None if none have to; kept: their answers. holds: how often live
-    messages began to wait. silent: see `Hold`.
+    messages began to wait.
     """
 
     name: str
@@ -107,7 +102,6 @@ class KeyState(Generic[M]):
     held: list[Numbered[M]] | None = None
     kept: list[Numbered[M]] = field(default_factory=list)
     holds: int = 0
-    silent: int = 0
 
     def publisher(self, name: int | str) -> PublisherState:
         known = self.publishers.get(name)

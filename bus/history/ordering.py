@@ -163,13 +163,12 @@ class History(Generic[M]):
             ready: list[M] = []
             self._take_waiting(known, ready, seek=False)
             known.held = None
-            known.silent += 1
             self._deliver(ready)
 
     def _hold(self, known: KeyState[M], held: list[Numbered[M]]) -> None:
         known.held = held
         known.holds += 1
-        self.holding(Hold(known.name, known.holds, known.silent))
+        self.holding(Hold(known.name, known.holds))
 
     def _hold_first(self, known: KeyState[M], each: Numbered[M]) -> None:
         self._bytes += self.size(each.message)
@@ -275,13 +274,11 @@ class History(Generic[M]):
 
     def _release(self, known: KeyState[M], ready: list[M]) -> None:
         """Take all waiting messages; no more of the missing ones will come."""
-        waited = known.held is not None
         self._take_waiting(known, ready, seek=self.recover > 1 and bool(known.caches))
         if known.held:
             self._seek(known)
         else:
             known.held = None
-            known.silent = max(0, known.silent - waited)
 
     def _deliver(self, ready: list[M]) -> None:
         if ready:

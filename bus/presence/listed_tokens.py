@@ -5,7 +5,7 @@ import threading
 from asyncio import AbstractEventLoop
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from typing import Final, Protocol
 
@@ -18,6 +18,8 @@ from bus.keys import is_single_key, whose
 from bus.presence.token_lists import MOST_READ, FollowedTokens, listed_keys, lists_of
 
 _PUT: Final = zenoh.SampleKind.PUT
+
+ASK_AGAIN_S: Final = 5.0
 
 _log: Final = logging.getLogger(__name__)
 
@@ -94,7 +96,7 @@ class ZenohWatch(PresenceReader):
         self.tokens = key_expr
         self._listed = listed
         self._few = few
-        self._shown = FollowedTokens()
+        self._shown: set[str] = set()
         self._in_lists: set[str] = set()
         self._lock = threading.Lock()
         self._declared = ExitStack()
@@ -111,7 +113,7 @@ class ZenohWatch(PresenceReader):
             self._declared.close()
         finally:
             with self._lock:
-                gone = {*self._shown, *self._in_lists}
+                gone = self._shown | self._in_lists
                 self._shown.clear()
                 self._in_lists.clear()
             for key in gone:
@@ -119,36 +121,36 @@ class ZenohWatch(PresenceReader):
 
     def _on_changes(self, samples: Sequence[zenoh.Sample]) -> None:
         for sample in samples:
-            key, alive = str(sample.key_expr), sample.kind == _PUT
-            with self._lock:
-                if not (self._shown.add(key) if alive else self._shown.discard(key)):
-                    self._leave_out(key, alive=alive)
-                    continue
-                self.arrive(key, alive=alive or key in self._in_lists)
-
-    def _leave_out(self, key: str, *, alive: bool) -> None:
-        if alive:
-            _log.warning("presence of %s is left out: too many tokens are shown there", whose(key)[:200])
+            self._note(self._shown, str(sample.key_expr), alive=sample.kind == _PUT)
 
     def token(self, key: str, *, alive: bool) -> None:
         """See `TokenReader`."""
-        with self._lock:
-            (self._in_lists.add if alive else self._in_lists.discard)(key)
-            self.arrive(key, alive=alive or key in self._shown)
+        self._note(self._in_lists, key, alive=alive)
 
     def all_listed(self) -> None:
         """See `TokenReader`."""
+
+    def _note(self, kind: set[str], key: str, *, alive: bool) -> None:
+        """Note a token that is shown, or is in lists; it is there as long as either."""
+        with self._lock:
+            (kind.add if alive else kind.discard)(key)
+            self.arrive(key, alive=key in self._shown or key in self._in_lists)
 
 
 class _Lists:
     """The lists under one key expression, on one session."""
 
     def __init__(self, session: zenoh.Session, lists: str) -> None:
+        self._session = session
+        self._expression = lists
         self._lock = threading.Lock()
         self._readers: dict[TokenReader, zenoh.KeyExpr] = {}
         self._lists: dict[str, list[str]] = {}
+        self._partly: set[str] = set()
+        self._ask_again: threading.Timer | None = None
         self._present = FollowedTokens()
         self._again = Counter[str]()  # in how many more lists a token is
+        self._left_out = False
         self._all_told = False
         self._declared = ExitStack()
         declare = partial(session.liveliness().declare_subscriber, lists)
@@ -161,6 +163,10 @@ class _Lists:
 
     def close(self) -> None:
         self._declared.close()
+        with self._lock:
+            self._left_out = False
+            if self._ask_again is not None:
+                self._ask_again.cancel()
 
     def add(self, reader: TokenReader) -> None:
         expression = zenoh.KeyExpr(reader.tokens)
@@ -192,30 +198,46 @@ class _Lists:
                 self._on_list(str(sample.key_expr), alive=sample.kind == _PUT)
 
     def _on_list(self, list_key: str, *, alive: bool) -> None:
-        if alive == (list_key in self._lists):
+        if alive == (list_key in self._lists) and not (alive and list_key in self._partly):
             return
         if len(list_key) > MOST_READ:
             _log.warning("left out: a list of %d characters of presence tokens: %s...", len(list_key), list_key[:80])
             return
         if not alive:
+            self._partly.discard(list_key)
             for key in self._lists.pop(list_key):
                 self._release(key)
+            self._look_for_left_out()
         elif keys := self._take(list_key):
-            self._lists[list_key] = keys
+            self._lists.setdefault(list_key, []).extend(keys)
 
     def _release(self, key: str) -> None:
         if self._again[key] > 1:
             self._again[key] -= 1
         elif self._again.pop(key, 0) == 0:
-            self._present.discard(key)
+            self._present.remove(key)
             self._tell(key, alive=False)
+
+    def _look_for_left_out(self) -> None:
+        """Ask for the lists again a while after there is room for what was left out."""
+        if self._left_out and self._ask_again is None and self._present.has_much_room:
+            self._ask_again = threading.Timer(ASK_AGAIN_S, self._ask)
+            self._ask_again.daemon = True
+            self._ask_again.start()
+
+    def _ask(self) -> None:
+        with self._lock:
+            self._ask_again = None
+            left_out, self._left_out = self._left_out, False
+        if left_out:
+            with suppress(zenoh.ZError):  # the session ends
+                done = Callback(self._on_list_there, lambda: None, indirect=False)
+                self._session.liveliness().get(self._expression, done)
 
     def _take(self, list_key: str) -> list[str]:
         """Take the keys of a list for which there is room, and return them."""
-        owner = whose(list_key)
-        keys: list[str] = []
-        if self._present.has_room(owner):
-            keys = list({key: None for key in listed_keys(list_key) if is_single_key(key)})
+        before = set(self._lists.get(list_key, ()))
+        keys = list({key: None for key in listed_keys(list_key) if is_single_key(key) and key not in before})
         taken: list[str] = []
         for key in keys:
             if key in self._present:
@@ -225,8 +247,15 @@ class _Lists:
             else:
                 continue
             taken.append(key)
-        if len(taken) < len(keys) or not self._present.has_room(owner):
-            _log.warning("presence of %s is left out: too many tokens are in lists there", owner[:200])
+        self._partly.discard(list_key)
+        if len(taken) < len(keys):
+            self._left_out = True
+            if taken or before:
+                self._partly.add(list_key)
+            _log.warning(
+                "presence of %s is left out: its lists, or all, hold more tokens than are followed",
+                whose(list_key)[:200],
+            )
         return taken
 
     def _tell(self, key: str, *, alive: bool) -> None:

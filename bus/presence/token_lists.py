@@ -28,15 +28,12 @@ MOST_READ: Final = 2 * MOST_CHARACTERS
 MOST_OF_ROBOT: Final = 16_384
 """Tokens of one robot that are followed: 64 for each of 256 cameras."""
 
-MOST_OF_SERVICE: Final = 100_000
-"""Tokens of one service that are followed: ten workers show that they serve each of 10,000 cameras."""
-
 MOST_FOLLOWED: Final = 400_000
-"""Tokens that are followed by one watch."""
+"""Tokens that are followed in all."""
 
 
 class FollowedTokens:
-    """A set of tokens with so much room for each robot and service, and in all: anybody can show any number."""
+    """A set of tokens in lists, with so much room for each robot, and in all: a list holds thousands."""
 
     def __init__(self) -> None:
         self._tokens: set[str] = set()
@@ -47,31 +44,24 @@ class FollowedTokens:
         if key in self._tokens:
             return True
         owner = whose(key)
-        if len(self._tokens) >= MOST_FOLLOWED or not self.has_room(owner):
+        if len(self._tokens) >= MOST_FOLLOWED or self._of[owner] >= MOST_OF_ROBOT:
             return False
         self._tokens.add(key)
         self._of[owner] += 1
         return True
 
-    def has_room(self, owner: str) -> bool:
-        """Return whether a robot or service (`fleet/r1`, `workers/detector`) may have one more token."""
-        return self._of[owner] < (MOST_OF_ROBOT if owner.startswith(f"{ROOT}/") else MOST_OF_SERVICE)
+    @property
+    def has_much_room(self) -> bool:
+        """Whether an eighth of what there is room for is free."""
+        return len(self._tokens) <= MOST_FOLLOWED * 7 // 8
 
-    def discard(self, key: str) -> bool:
-        """Remove a token; return whether it was in the set."""
-        if key not in self._tokens:
-            return False
+    def remove(self, key: str) -> None:
+        """Remove a token that is in the set."""
         self._tokens.remove(key)
         owner = whose(key)
         self._of[owner] -= 1
         if not self._of[owner]:
             del self._of[owner]
-        return True
-
-    def clear(self) -> None:
-        """Remove all tokens."""
-        self._tokens.clear()
-        self._of.clear()
 
     def __contains__(self, key: str) -> bool:
         return key in self._tokens

@@ -64,14 +64,16 @@ class Server:
         with self._lock:
             size = len(call.request.payload)
             ended, under_way = self._ended, len(self._open)
-            full = under_way >= self._limit or (under_way > 0 and self._bytes + size > MAX_OPEN_BYTES)
+            large = under_way > 0 and self._bytes + size > MAX_OPEN_BYTES
+            full = large or under_way >= self._limit
             if not ended and not full:
                 self._open.add(call)
                 self._bytes += size
         if ended:
             call.answer(None)
         elif full:
-            call.answer(f"busy: {under_way} requests are under way already")
+            all_bytes = ", with all the bytes that there is room for" if large else ""
+            call.answer(f"busy: {under_way} requests are under way already{all_bytes}")
         else:
             self._inbox.offer(call.request.key, call)
 

@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Collection
 from hashlib import blake2b
 from typing import Final, TypeVar
@@ -15,9 +15,9 @@ T = TypeVar("T")
 
 MAX_WORKERS: Final = 1_000
 MAX_CAMERAS: Final = 10_000
-MAX_TAKEN: Final = 2 * MAX_CAMERAS
-"""Tokens for cameras taken over that are kept, of each worker as many as it can serve at most. A worker whose token is
-not kept counts as idle: so a flood of tokens costs that cameras are served twice, and never that one is not."""
+MAX_TAKEN: Final = 10 * MAX_CAMERAS
+"""Tokens for cameras taken over that are kept, of each worker as many as it can serve at most. Of more, those of the
+worker that has most give way, which then counts as idle: a camera is served twice rather than not at all."""
 
 TAKE_OVER_S: Final = 2.0
 """A worker that has served a camera for so long says that it has taken it over, whether results came or not."""
@@ -62,7 +62,7 @@ class CameraAssignment:
         self._workers: set[WorkerAlive] = set()
         self._taken: defaultdict[CameraKey, set[str]] = defaultdict(set)
         self._taken_count = 0
-        self._serving: Counter[str] = Counter()
+        self._serving: defaultdict[str, dict[CameraKey, None]] = defaultdict(dict)
         self._owners: dict[CameraKey, str | None] = {}
         self._idle_since_s: dict[CameraKey, float] = {}
         self._passed: dict[CameraKey, set[str]] = {}
@@ -83,17 +83,28 @@ class CameraAssignment:
 
     def taken(self, token: Serves, *, alive: bool) -> bool:
         """Note that a worker took a camera over or released it; return whether that is new."""
-        workers = self._taken[token.camera]
-        full = self._taken_count >= MAX_TAKEN or self._serving[token.worker] >= MAX_STREAMS
-        news = _note(workers, token.worker, alive=alive, limit=0 if full else sys.maxsize)
-        if news:
-            self._taken_count += 1 if alive else -1
-            self._note_serving(token.worker, 1 if alive else -1)
-            if alive and token.worker in self._passed.get(token.camera, ()):
-                self._trust(token.camera, token.worker)
-        if not workers:
-            del self._taken[token.camera]
-        return news
+        known = token.worker in self._taken.get(token.camera, ())
+        if known == alive or (alive and len(self._serving.get(token.worker, ())) >= MAX_STREAMS):
+            return False
+        if alive and self._taken_count >= MAX_TAKEN:
+            largest = max(self._serving, key=lambda worker: len(self._serving[worker]))
+            self._release(next(iter(self._serving[largest])), largest)
+        if not alive:
+            self._release(token.camera, token.worker)
+            return True
+        self._taken[token.camera].add(token.worker)
+        self._taken_count += 1
+        self._note_serving(token.worker, token.camera, serving=True)
+        if token.worker in self._passed.get(token.camera, ()):
+            self._trust(token.camera, token.worker)
+        return True
+
+    def _release(self, camera: CameraKey, worker: str) -> None:
+        self._taken[camera].discard(worker)
+        if not self._taken[camera]:
+            del self._taken[camera]
+        self._taken_count -= 1
+        self._note_serving(worker, camera, serving=False)
 
     def took(self, camera: CameraKey) -> frozenset[str]:
         """Return the workers that have taken a camera over."""
@@ -125,16 +136,19 @@ class CameraAssignment:
         serving = [each for each in able if each.worker in self._serving or each.worker == self._me]
         return owner(camera, serving) or owner(camera, able)
 
-    def _note_serving(self, worker: str, change: int) -> None:
-        """Count the cameras that a worker has taken over; with its first and last one it may be another's turn."""
+    def _note_serving(self, worker: str, camera: CameraKey, *, serving: bool) -> None:
+        """Note which cameras a worker has taken over; with its first and last one it may be another's turn."""
         before = worker in self._serving
-        self._serving[worker] += change
-        if self._serving[worker] <= 0:
-            del self._serving[worker]
+        if serving:
+            self._serving[worker][camera] = None
+        else:
+            del self._serving[worker][camera]
+            if not self._serving[worker]:
+                del self._serving[worker]
         if before != (worker in self._serving):
-            for camera in self._passed:
-                if camera in self._owners and self._owners[camera] != self._next(camera):
-                    self._forget_owner(camera)
+            for passed in self._passed:
+                if passed in self._owners and self._owners[passed] != self._next(passed):
+                    self._forget_owner(passed)
 
     def forget(self, camera: CameraKey) -> None:
         """Forget a camera that went, but not who took it over."""

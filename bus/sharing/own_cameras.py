@@ -1,7 +1,6 @@
 """One worker's share of the cameras. Pure."""
 
 from collections.abc import Iterator
-from itertools import zip_longest
 
 from bus.sharing.camera_assignment import MAX_CAMERAS, CameraAssignment
 from schemas.keys import MOST_CAMERAS, CameraKey
@@ -70,8 +69,14 @@ class OwnCameras:
 
     def _in_turn(self) -> Iterator[CameraKey]:
         """Yield the cameras, robot by robot in turn, and of each robot those known longest first."""
-        for row in zip_longest(*self._cameras.values()):
-            yield from (camera for camera in row if camera is not None)
+        left = [iter(cameras) for cameras in self._cameras.values()]
+        while left:
+            more = []
+            for cameras in left:
+                if (camera := next(cameras, None)) is not None:
+                    yield camera
+                    more.append(cameras)
+            left = more
 
     @property
     def next_s(self) -> float | None:

@@ -92,6 +92,8 @@ class Inference:
         self._busy_s = 0.0
         self._busy_since_s = 0.0
         self._done = 0
+        self._following = False
+        self._followed = 0
 
     async def run(self) -> None:
         """Run until cancelled.
@@ -115,8 +117,8 @@ class Inference:
             await self._last[key].wait()
 
     def pending(self) -> object:
-        """Return by what the model's next answer is known, None while it is asked nothing; see `unanswered`."""
-        return self._done if self._calls else None
+        """Return by what the next answer of model or tracker is known, None while none is asked; see `unanswered`."""
+        return (self._done, self._followed) if self._calls or self._following else None
 
     def totals(self) -> Totals:
         """Return the counts of all frames so far."""
@@ -206,7 +208,12 @@ class Inference:
 
     async def _publish_found(self, sent: SentFrame, found: DetectedObjects) -> None:
         if self._tracking is not None and sent.camera.wants_tracks:
-            found = await self._tracking.follow(sent.request, found)
+            self._following = True
+            try:
+                found = await self._tracking.follow(sent.request, found)
+            finally:
+                self._following = False
+                self._followed += 1
         sent.camera.publish_objects(self._detections(sent, found), sent.request.frame)
         self._on_result(sent.camera.key)
 

@@ -6,7 +6,7 @@ from typing import Final
 
 CHECK_S: Final = 1.0
 
-STALLED: Final = 1
+STALLED: Final = 2
 """Checks after which a worker shows no longer that it serves its cameras, so that other workers take them."""
 
 HUNG: Final = 60

@@ -6,7 +6,7 @@ from asyncio import TaskGroup
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 import msgspec
 
@@ -33,6 +33,10 @@ def _no_details() -> Mapping[str, Any]:
 
 
 log = logging.getLogger(__name__)
+
+
+PROMPT_S: Final = 5.0
+"""Time without a call that does not answer after which a worker that had stalled shows again that it serves cameras."""
 
 
 class Worker(Generic[T]):
@@ -80,12 +84,14 @@ class Worker(Generic[T]):
 
     async def _watch_calls(self) -> None:
         """While a call does not answer, show no longer that cameras are served, so that other workers take them."""
-        stalled = False
+        stalled, prompt_s = False, 0.0
         async for checks in unanswered(self._pending):
             if checks >= STALLED and not stalled:
                 log.info("a call has not answered for %g s: other workers may take the cameras", checks * CHECK_S)
             stalled = checks >= STALLED
-            self._sharing.stall(stalled=stalled)
+            prompt_s = 0.0 if checks else prompt_s + CHECK_S
+            if stalled or prompt_s > PROMPT_S:
+                self._sharing.stall(stalled=stalled)
 
     def _status(self) -> WorkerStatus:
         status = WorkerStatus(

@@ -7,7 +7,7 @@ import pytest
 import zenoh
 
 from bus import QUEUE, BusSettings, Presence, QoS, Watch, open_bus
-from bus.presence import token_lists
+from bus.presence import listed_tokens, token_lists
 from bus.presence.token_lists import MOST_CHARACTERS, FollowedTokens, can_list, list_keys, listed_keys, lists_of
 from tests.bus.sessions import client, router
 from tests.contract.conftest import free_endpoint
@@ -195,42 +195,56 @@ async def test_lists_are_shown_and_read_again_on_the_next_session() -> None:
             assert await next_of(watch) == Presence("fleet/r1/alive", alive=False)
 
 
-def test_what_is_followed_leaves_room_for_every_robot_and_service(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_followed_leaves_room_for_every_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(token_lists, "MOST_OF_ROBOT", 2)
-    monkeypatch.setattr(token_lists, "MOST_OF_SERVICE", 3)
-    monkeypatch.setattr(token_lists, "MOST_FOLLOWED", 6)
+    monkeypatch.setattr(token_lists, "MOST_FOLLOWED", 4)
     followed = FollowedTokens()
     assert [followed.add(f"fleet/r1/{name}") for name in "abbc"] == [True, True, True, False]
-    assert [followed.add(f"workers/detector/{name}") for name in "abcd"] == [True, True, True, False]
-    assert [followed.add("fleet/r2/a"), followed.add("fleet/r3/a")] == [True, False]
-    assert [followed.discard("fleet/r1/a"), followed.discard("fleet/r1/c")] == [True, False]
+    assert [followed.add(f"fleet/r{number}/a") for number in (2, 3, 4)] == [True, True, False]
+    assert not followed.has_much_room
+    followed.remove("fleet/r1/a")
+    assert followed.has_much_room
+    assert "fleet/r1/a" not in followed
     assert [followed.add("fleet/r1/c"), followed.add("fleet/r1/d")] == [True, False]
-    assert set(followed) == {"fleet/r1/b", "fleet/r1/c", "fleet/r2/a", *(f"workers/detector/{name}" for name in "abc")}
-    followed.clear()
-    assert followed.add("fleet/r3/a")
+    assert set(followed) == {"fleet/r1/b", "fleet/r1/c", "fleet/r2/a", "fleet/r3/a"}
 
 
-@pytest.mark.parametrize(
-    "shown",
-    [
-        ["fleet/r2/a/alive", "fleet/r2/b/alive", "fleet/r2/c/alive"],
-        ["fleet/r2/@alive/a:alive,b:alive,c:alive"],
-        ["fleet/r2/@alive/a:alive", "fleet/r2/@alive/b:alive", "fleet/r2/@alive/c:alive"],
-    ],
-)
+@pytest.mark.parametrize("shown", [["a:alive,b:alive,c:alive"], ["a:alive", "b:alive", "c:alive"]])
 async def test_tokens_of_one_robot_without_end_leave_the_others_theirs(
     shown: list[str], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(token_lists, "MOST_OF_ROBOT", 2)
     async with watching() as (watch, outside):
-        flood = [outside.liveliness().declare_token(key) for key in shown]
-        others = [outside.liveliness().declare_token(f"fleet/{robot}/front/alive") for robot in ("r3", "r4")]
+        flood = [outside.liveliness().declare_token(f"fleet/r2/@alive/{names}") for names in shown]
+        others = [outside.liveliness().declare_token(f"fleet/{robot}/@alive/front:alive") for robot in ("r3", "r4")]
         here = {(await next_of(watch)).key for _ in range(4)}
         assert here == {"fleet/r2/a/alive", "fleet/r2/b/alive", "fleet/r3/front/alive", "fleet/r4/front/alive"}
+        newer = outside.liveliness().declare_token("fleet/r2/@alive/a:alive,b:alive")
+        await until(lambda: "left out" in caplog.text)
         for token in (*flood, *others):
             token.undeclare()
-        assert {(await next_of(watch)).key for _ in range(4)} == here
-        again = outside.liveliness().declare_token("fleet/r2/@alive/c:alive")
-        assert await next_of(watch) == Presence("fleet/r2/c/alive", alive=True)
-        again.undeclare()
+        assert {(await next_of(watch)).key for _ in range(2)} == {"fleet/r3/front/alive", "fleet/r4/front/alive"}
+        newer.undeclare()
+        assert {(await next_of(watch)).key for _ in range(2)} == {"fleet/r2/a/alive", "fleet/r2/b/alive"}
     assert "presence of fleet/r2 is left out" in caplog.text
+
+
+async def test_what_was_left_out_is_there_once_there_is_room(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(token_lists, "MOST_FOLLOWED", 4)
+    monkeypatch.setattr(listed_tokens, "ASK_AGAIN_S", 0.05)
+    async with watching() as (watch, outside):
+        flood = outside.liveliness().declare_token("fleet/r1/@alive/a,b,c")
+        assert {(await next_of(watch)).key for _ in range(3)} == {"fleet/r1/a", "fleet/r1/b", "fleet/r1/c"}
+        partly = outside.liveliness().declare_token("fleet/r2/@alive/a,b")
+        first = await next_of(watch)
+        late = outside.liveliness().declare_token("fleet/r3/@alive/a")
+        await until(lambda: "presence of fleet/r3 is left out" in caplog.text)
+        flood.undeclare()
+        seen = [await next_of(watch) for _ in range(5)]
+        assert {each.key for each in seen if not each.alive} == {"fleet/r1/a", "fleet/r1/b", "fleet/r1/c"}
+        assert {first.key, *(each.key for each in seen if each.alive)} == {"fleet/r2/a", "fleet/r2/b", "fleet/r3/a"}
+        partly.undeclare()
+        late.undeclare()
+        assert {(await next_of(watch)).alive for _ in range(3)} == {False}

@@ -292,19 +292,6 @@ def test_a_cache_that_never_answers_holds_a_key_up_for_a_while_only() -> None:
     assert received.outcome == ([3, 4, 5, 6, 7], 0)
 
 
-def test_caches_that_appear_one_after_the_other_and_never_answer_are_waited_for_less_each_time() -> None:
-    received = Received()
-    for number in range(3):
-        received.history.appear(KEY, f"silent{number}")
-        assert received.holds[-1].silent == number
-        received.history.end_hold(received.holds[-1])
-    for fetch in received.fetches:
-        received.history.fetched(fetch)
-    received.appear()
-    received.appear("another", kept=None)
-    assert received.holds[-1].silent == 2, "where they answer, it is longer again"
-
-
 def test_what_is_held_over_a_cut_is_held_for_a_while_only() -> None:
     received = Received()
     received.appear(kept=None)

@@ -66,12 +66,12 @@ async def test_requests_that_wait_have_so_many_bytes_together_and_one_alone_has_
     serving = server(waiting=9)
     for payload in (b"eleven bytes", b"x"):
         serving.arrive(call(outcomes, payload))
-    assert outcomes == ["busy: 1 requests are under way already"]
+    assert outcomes == ["busy: 1 requests are under way already, with all the bytes that there is room for"]
     async with serving.serving():
         await until(lambda: len(outcomes) == 2)
         for payload in (b"12345", b"67890", b"x"):
             serving.arrive(call(outcomes, payload))
-        assert outcomes[2:] == ["busy: 2 requests are under way already"]
+        assert outcomes[2:] == ["busy: 2 requests are under way already, with all the bytes that there is room for"]
         await until(lambda: len(outcomes) == 5)
     assert outcomes[3:] == [Reply(b"12345"), Reply(b"67890")]
 

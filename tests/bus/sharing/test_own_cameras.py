@@ -115,17 +115,36 @@ def test_one_that_is_idle_for_a_robot_of_its_own_leaves_it_to_those_for_any() ->
     assert made.plan(1, MOST) == made.plan(1 + IDLE_S, MOST) == set(CAMERAS)
 
 
-@pytest.mark.parametrize("limit", ["MAX_TAKEN", "MAX_STREAMS"])
+@pytest.mark.parametrize(("limit", "kept"), [("MAX_TAKEN", -1), ("MAX_STREAMS", 0)])
 def test_where_more_was_taken_over_than_is_remembered_a_camera_is_served_twice_rather_than_not_at_all(
-    limit: str, monkeypatch: pytest.MonkeyPatch
+    limit: str, kept: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(camera_assignment, limit, 1)
     made = shares("a")
     made.worker(token("b"), alive=True)
-    remembered, *others = sorted(falls_to("b", "a"))
-    serve_all(made, "b", [remembered, *others])
+    of_b = sorted(falls_to("b", "a"))
+    serve_all(made, "b", of_b)
     made.plan(1, MOST)
-    assert made.plan(1 + IDLE_S, MOST) == set(CAMERAS) - {remembered}
+    assert made.plan(1 + IDLE_S, MOST) == set(CAMERAS) - {of_b[kept]}
+
+
+def test_a_flood_of_tokens_for_cameras_taken_over_takes_no_others_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    of_b = falls_to("b", "a")
+    monkeypatch.setattr(camera_assignment, "MAX_TAKEN", 30)
+    monkeypatch.setattr(camera_assignment, "MAX_STREAMS", 15)
+    made = shares("a")
+    made.worker(token("b"), alive=True)
+    flood = [(f"invented{number % 2}", CameraKey("r9", f"c{number}")) for number in range(200)]
+    for name, camera in flood[:100]:
+        made.taken(Serves("detector", name, camera), alive=True)
+    serve_all(made, "b", of_b)
+    for name, camera in flood[100:]:
+        made.taken(Serves("detector", name, camera), alive=True)
+    made.plan(1, MOST)
+    assert made.plan(1 + IDLE_S, MOST) == falls_to("a", "b")
+    for name, camera in flood:
+        made.taken(Serves("detector", name, camera), alive=False)
+    assert made.plan(2 + IDLE_S, MOST) == falls_to("a", "b")
 
 
 def test_a_worker_serves_however_many_are_said_to_be_there_before_it() -> None:
@@ -251,9 +270,8 @@ def test_what_is_known_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [made.worker(token(name), alive=True) for name in "bcda"] == [True, True, False, True]
     assert [made.camera(camera, alive=True) for camera in CAMERAS[:3]] == [True, True, False]
     tokens = [Serves("detector", name, CAMERAS[0]) for name in "abc"]
-    assert [made.taken(each, alive=True) for each in tokens] == [True, True, False]
-    made.taken(tokens[0], alive=False)
-    assert made.taken(Serves("detector", "a", CAMERAS[1]), alive=True)
+    assert [made.taken(each, alive=True) for each in tokens] == [True, True, True]
+    assert [made.taken(each, alive=False) for each in tokens] == [False, True, True]
 
 
 @given(st.lists(st.tuples(st.sampled_from("abcd"), st.booleans()), max_size=12))
