@@ -66,6 +66,7 @@ class OwnModel:
         self._images: Inbox[ImageFrame] = Inbox(PerKey(), asyncio.get_running_loop())
         self._served: dict[str, tuple[Results, Tally, Callable[[], None]]] = {}
         self._tallies = Tallies(Tally)
+        self._finding: float | None = None  # since when, on the loop's clock
         self._failure: BaseException | None = None
 
     async def run(self) -> None:
@@ -83,7 +84,7 @@ class OwnModel:
 
     async def _work(self) -> None:
         """Work until cancelled, or until there is a failure."""
-        sharing = Sharing(self._bus, self._tokens, Stream.COLOR, self._serve)
+        sharing = Sharing(self._bus, self._tokens, Stream.COLOR, self._serve, pending=lambda: self._finding)
         status = worker_keys.worker_status(self._service, self._worker)
         try:
             async with asyncio.TaskGroup() as group:
@@ -157,6 +158,7 @@ class OwnModel:
             took_over()
 
     async def _found(self, frame: ImageFrame) -> Sequence[Detection]:
+        self._finding = asyncio.get_running_loop().time()
         try:
             return await self._find(frame)
         except asyncio.CancelledError as error:
@@ -166,6 +168,8 @@ class OwnModel:
             raise FleetsightError(  # as it is, it would end this task alone
                 f"model {self._model}: find was cancelled, and not by the service; catch CancelledError where it waits"
             ) from error
+        finally:
+            self._finding = None
 
     def _detections(self, frame: ImageFrame, objects: Sequence[Detection]) -> Detections:
         return Detections(

@@ -11,6 +11,7 @@ from bus.api import Bus, Presence, Watch
 from bus.demand import SharedDemand
 from bus.sharing.camera_assignment import TAKE_OVER_S
 from bus.sharing.own_cameras import OwnCameras
+from bus.sharing.watchdog import CHECK_S, PROMPT_S, STALLED, unanswered
 from schemas import keys, worker_keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
@@ -39,8 +40,9 @@ class Sharing:
     """One worker's part in the work sharing of its service.
 
     tokens: what it says of itself, see `SharingSettings.tokens`. stream: the one whose presence says that there is a
-    camera to look after. serve: does it, one call at a time for each camera. most: how many cameras at a time.
-    leaves: called when it leaves, before the others take over.
+    camera to look after. serve: does it, one call at a time for each camera. pending: by what the next answer to its
+    work's calls is known, see `unanswered`. most: how many cameras at a time. leaves: called when it leaves, before the
+    others take over.
     """
 
     def __init__(
@@ -50,6 +52,7 @@ class Sharing:
         stream: Stream,
         serve: Serve,
         *,
+        pending: Callable[[], object] = lambda: None,
         most: int = MAX_STREAMS,
         join_s: float = JOIN_S,
         leaves: Callable[[], None] = lambda: None,
@@ -59,6 +62,7 @@ class Sharing:
         self._service, self._worker = tokens[0].service, tokens[0].worker
         self._stream = stream
         self._serve = serve
+        self._pending = pending
         self._most = most
         self._join_s = join_s
         self._leaves = leaves
@@ -81,16 +85,26 @@ class Sharing:
             group.create_task(self._note(workers, self._note_worker))
             group.create_task(self._note(taken, self._note_taken))
             group.create_task(self._note(cameras, self._note_camera))
+            watching = group.create_task(self._watch_calls())
             await asyncio.sleep(self._join_s)
             try:
                 await self._take_part(group)
             finally:
+                watching.cancel()
                 await self._hand_over(group)
 
-    def stall(self, *, stalled: bool) -> None:
-        """Show which cameras it serves, or none while its work stands still: then other workers take them."""
-        (self._stalled.set if stalled else self._stalled.clear)()
-        (self._answers.clear if stalled else self._answers.set)()
+    async def _watch_calls(self) -> None:
+        """Show which cameras are served, or none while a call does not answer: then other workers take them."""
+        prompt_s = 0.0
+        async for checks in unanswered(self._pending):
+            prompt_s = 0.0 if checks else prompt_s + CHECK_S
+            if checks == STALLED:
+                log.info("a call has not answered for %g s: other workers may take the cameras", checks * CHECK_S)
+                self._answers.clear()
+                self._stalled.set()
+            elif prompt_s > PROMPT_S:
+                self._stalled.clear()
+                self._answers.set()
 
     async def _take_part(self, group: TaskGroup) -> None:
         async with AsyncExitStack() as stack:

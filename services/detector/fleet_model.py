@@ -14,6 +14,7 @@ from typing import Final
 
 import msgspec
 
+from bus.sharing.watchdog import CHECK_S, HUNG
 from schemas.tuning import Tuning
 from services.detector.model import (
     SILENT,
@@ -25,7 +26,6 @@ from services.detector.model import (
     Request,
     TuningError,
 )
-from services.worker.watchdog import CHECK_S, HUNG
 
 log = logging.getLogger(__name__)
 

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Protocol
 
+from bus.sharing import watchdog
 from schemas.detections import Detection, Detections
 from schemas.header import Spans
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.tuning import Tuning
-from services.worker import watchdog
 
 SILENT: Final = "overlay/segmentation, distances and objects are silent"
 """The end of a remark that says that a model has no masks."""

@@ -1,12 +1,11 @@
 """The skeleton of every worker: shares cameras with its service's other workers, serves its own, reports status."""
 
-import logging
 import time
 from asyncio import TaskGroup
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import msgspec
 
@@ -20,7 +19,6 @@ from schemas.keys import CameraKey, Stream
 from schemas.status import WorkerStatus
 from schemas.worker_keys import WorkerAlive, worker_status
 from services import service_manager
-from services.worker.watchdog import CHECK_S, STALLED, unanswered
 
 T = TypeVar("T", bound=Tally)
 
@@ -32,19 +30,12 @@ def _no_details() -> Mapping[str, Any]:
     return {}
 
 
-log = logging.getLogger(__name__)
-
-
-PROMPT_S: Final = 5.0
-"""Time without a call that does not answer after which a worker that had stalled shows again that it serves cameras."""
-
-
 class Worker(Generic[T]):
     """One worker of a service.
 
     tokens: how it announces itself, see `SharingSettings.tokens`. tallies: one for each camera it serves. details:
-    returns the fields of its status beside those that every worker fills in. pending: by what the next answer to its
-    calls is known, see `unanswered`. join_s: see `Sharing`. leaves: called when it begins to hand over.
+    returns the fields of its status beside those that every worker fills in. pending, join_s: see
+    `Sharing`. leaves: called when it begins to hand over.
     """
 
     def __init__(
@@ -64,8 +55,7 @@ class Worker(Generic[T]):
         self._tallies = tallies
         self._serve_camera = serve
         self._details = details
-        self._pending = pending
-        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, join_s=join_s, leaves=leaves)
+        self._sharing = Sharing(bus, tokens, Stream.COLOR, self._serve, pending=pending, join_s=join_s, leaves=leaves)
 
     async def run(self, *alongside: Coroutine[None, None, None]) -> None:
         """Work until cancelled; then hand over and end. alongside: runs as long as the worker does."""
@@ -75,23 +65,11 @@ class Worker(Generic[T]):
             key = worker_status(self._service, self._name)
             group.create_task(report(self._bus, key, WorkerStatus, self._status))
             group.create_task(service_manager.say_serving(lambda: self._bus.link_problem))
-            group.create_task(self._watch_calls())
             await self._sharing.run()
 
     async def _serve(self, key: CameraKey, took_over: Callable[[], None]) -> None:
         with self._tallies.serving(key) as tally:
             await self._serve_camera(key, tally, took_over)
-
-    async def _watch_calls(self) -> None:
-        """While a call does not answer, show no longer that cameras are served, so that other workers take them."""
-        stalled, prompt_s = False, 0.0
-        async for checks in unanswered(self._pending):
-            if checks >= STALLED and not stalled:
-                log.info("a call has not answered for %g s: other workers may take the cameras", checks * CHECK_S)
-            stalled = checks >= STALLED
-            prompt_s = 0.0 if checks else prompt_s + CHECK_S
-            if stalled or prompt_s > PROMPT_S:
-                self._sharing.stall(stalled=stalled)
 
     def _status(self) -> WorkerStatus:
         status = WorkerStatus(

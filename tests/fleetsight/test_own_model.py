@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import fleetsight
+from bus.sharing import watchdog
 from fleetsight import Box, Detection, Fleet, ImageFrame, Mask
 from schemas import codec, worker_keys
 from schemas.detections import ClassList
@@ -114,6 +115,29 @@ async def test_while_it_looks_the_newest_image_waits_and_the_others_are_counted(
         await coming
         await until(lambda: len(looked) > 1)
     assert looked[1] > looked[0] + 2
+
+
+async def test_while_it_does_not_answer_it_does_not_say_that_it_serves_the_camera(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(watchdog, "CHECK_S", 0.05)
+    answer = asyncio.Event()
+
+    async def find(_: ImageFrame) -> Sequence[Detection]:
+        await answer.wait()
+        return [CRATE]
+
+    async with (
+        two() as (there, own, other),
+        there.bus.watch(worker_keys.every_serves("detector")) as serves,
+        serving(own, find),
+    ):
+        assert (await next_of(serves)).alive
+        wanting = asyncio.create_task(next_of(aiter(other.class_lists("r1"))))
+        assert not (await next_of(serves)).alive
+        answer.set()
+        assert (await wanting).classes
+        assert (await next_of(serves)).alive
 
 
 async def test_what_it_raises_ends_it_and_is_raised() -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from bus import QUEUE, Bus, Subscription
 from bus.fake import FakeNetwork
+from bus.sharing import watchdog
 from schemas import codec, keys
 from schemas.detections import ClassList, Detection, Detections
 from schemas.image import ImageFrame
@@ -23,7 +24,6 @@ from services.detector.model import Failed, ModelError
 from services.detector.regions import Regions
 from services.detector.tracking.tracks import Tracking
 from services.toolbox.logs import RateLimit, RateLimitFilter
-from services.worker import watchdog
 from tests.schemas.frames import header, image
 from tests.services.detector.support.told_model import FATAL, ToldModel
 from tests.waiting import PATIENCE_S, next_of, until

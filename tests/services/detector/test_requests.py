@@ -11,6 +11,7 @@ from PIL import Image
 
 from bus import Bus, RefusedError, RequestTimeoutError
 from bus.fake import FakeNetwork
+from bus.sharing import watchdog
 from schemas import codec, worker_keys
 from schemas.detections import Detections
 from schemas.image import ImageFrame
@@ -19,7 +20,6 @@ from services.detector import requests
 from services.detector.model import ModelError
 from services.detector.requests import answering
 from services.detector.stills import frame_of
-from services.worker import watchdog
 from tests.services.detector.support.fakes import FakeModel
 from tests.waiting import PATIENCE_S
 

@@ -2,9 +2,9 @@ import asyncio
 
 import pytest
 
+from bus.sharing import watchdog
+from bus.sharing.watchdog import HUNG
 from services.detector.model import ModelError, end_if_hung
-from services.worker import watchdog
-from services.worker.watchdog import HUNG
 
 
 async def test_a_model_that_answers_or_is_asked_nothing_is_not_hung(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,9 @@ CHECK_S: Final = 1.0
 STALLED: Final = 2
 """Checks after which a worker shows no longer that it serves its cameras, so that other workers take them."""
 
+PROMPT_S: Final = 5.0
+"""Time without such a call after which it shows them again."""
+
 HUNG: Final = 60
 """Checks after which an unanswered call counts as hung; calls of a model with new shapes may take seconds."""
 
