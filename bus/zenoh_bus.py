@@ -82,7 +82,7 @@ class ZenohBus:
         self._session = SessionThread(settings, links, prefix)
         self._tokens = OwnTokens(prefix, self._later)
         self._caches = CacheServer(prefix, self._tokens)
-        self._listed = ListedTokens(prefix)
+        self._listed = ListedTokens(prefix, self._later)
         self._known_keys = KnownKeys(self._session.do) if settings.has_one_link else None
         self._shared_memory = settings.shared_memory
         self._certificate = settings.certificate_name

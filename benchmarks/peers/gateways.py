@@ -107,7 +107,10 @@ class Fleet:
         for answered in (keys.robot_clock(robot), keys.every_service(robot)):
             yield ZenohServer(answered, _answer, _now, 1, 16)
         yield ZenohWatch(
-            consumer_keys.every_wanted(robot), self._loop, ListedTokens(keys.robot_prefix(robot)), few=True
+            consumer_keys.every_wanted(robot),
+            self._loop,
+            ListedTokens(keys.robot_prefix(robot), lambda *_: None),
+            few=True,
         )
         for heard in (consumer_keys.every_budget(robot), f"fleet/{robot}/{keys.ACTIONS}"):
             yield ZenohSubscription(heard, QUEUE(1), self._loop, few=True)

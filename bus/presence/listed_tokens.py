@@ -5,7 +5,7 @@ import threading
 from asyncio import AbstractEventLoop
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from functools import partial
 from typing import Final, Protocol
 
@@ -41,14 +41,16 @@ class TokenReader(Protocol):
 class ListedTokens:
     """Follows the lists that may hold what its readers watch, each kind of list once.
 
-    prefix: the session's own, whose lists it leaves out: nobody else shows any there.
+    prefix: the session's own, whose lists it leaves out: nobody else shows any there. later: has a call made on the
+    session's thread after some seconds.
     """
 
     number_of = ""
     takes_another = False
 
-    def __init__(self, prefix: str) -> None:
+    def __init__(self, prefix: str, later: Callable[[float, Callable[[], None]], object]) -> None:
         self._prefix = prefix
+        self._later = later
         self._session: zenoh.Session | None = None
         self._followed: dict[str, _Lists] = {}
 
@@ -71,7 +73,7 @@ class ListedTokens:
             return lambda: None
         followed = self._followed.get(lists)
         if followed is None:
-            followed = self._followed[lists] = _Lists(self._session, lists)
+            followed = self._followed[lists] = _Lists(self._session, lists, self._later)
         followed.add(reader)
         return partial(self._remove, lists, followed, reader)
 
@@ -138,16 +140,19 @@ class ZenohWatch(PresenceReader):
 
 
 class _Lists:
-    """The lists under one key expression, on one session."""
+    """The lists under one key expression, on one session. later: see `ListedTokens`."""
 
-    def __init__(self, session: zenoh.Session, lists: str) -> None:
-        self._session = session
+    def __init__(
+        self, session: zenoh.Session, lists: str, later: Callable[[float, Callable[[], None]], object]
+    ) -> None:
+        self._session: zenoh.Session | None = session
         self._expression = lists
+        self._later = later
         self._lock = threading.Lock()
         self._readers: dict[TokenReader, zenoh.KeyExpr] = {}
         self._lists: dict[str, list[str]] = {}
         self._partly: set[str] = set()
-        self._ask_again: threading.Timer | None = None
+        self._asks_again = False
         self._present = FollowedTokens()
         self._again = Counter[str]()  # in how many more lists a token is
         self._left_out = False
@@ -163,10 +168,7 @@ class _Lists:
 
     def close(self) -> None:
         self._declared.close()
-        with self._lock:
-            self._left_out = False
-            if self._ask_again is not None:
-                self._ask_again.cancel()
+        self._session = None
 
     def add(self, reader: TokenReader) -> None:
         expression = zenoh.KeyExpr(reader.tokens)
@@ -220,19 +222,17 @@ class _Lists:
 
     def _look_for_left_out(self) -> None:
         """Ask for the lists again a while after there is room for what was left out."""
-        if self._left_out and self._ask_again is None and self._present.has_much_room:
-            self._ask_again = threading.Timer(ASK_AGAIN_S, self._ask)
-            self._ask_again.daemon = True
-            self._ask_again.start()
+        if self._left_out and not self._asks_again and self._present.has_much_room:
+            self._asks_again = True
+            self._later(ASK_AGAIN_S, self._ask)
 
     def _ask(self) -> None:
+        """Session's thread only."""
         with self._lock:
-            self._ask_again = None
-            left_out, self._left_out = self._left_out, False
-        if left_out:
-            with suppress(zenoh.ZError):  # the session ends
-                done = Callback(self._on_list_there, lambda: None, indirect=False)
-                self._session.liveliness().get(self._expression, done)
+            self._asks_again = self._left_out = False
+        if self._session is not None:
+            done = Callback(self._on_list_there, lambda: None, indirect=False)
+            self._session.liveliness().get(self._expression, done)
 
     def _take(self, list_key: str) -> list[str]:
         """Take the keys of a list for which there is room, and return them."""
@@ -249,7 +249,7 @@ class _Lists:
             taken.append(key)
         self._partly.discard(list_key)
         if len(taken) < len(keys):
-            self._left_out = True
+            self._left_out |= self._present.is_full
             if taken or before:
                 self._partly.add(list_key)
             _log.warning(

@@ -44,11 +44,16 @@ class FollowedTokens:
         if key in self._tokens:
             return True
         owner = whose(key)
-        if len(self._tokens) >= MOST_FOLLOWED or self._of[owner] >= MOST_OF_ROBOT:
+        if self.is_full or self._of[owner] >= MOST_OF_ROBOT:
             return False
         self._tokens.add(key)
         self._of[owner] += 1
         return True
+
+    @property
+    def is_full(self) -> bool:
+        """Whether there is room for no more, whoever's they are."""
+        return len(self._tokens) >= MOST_FOLLOWED
 
     @property
     def has_much_room(self) -> bool:

@@ -16,8 +16,9 @@ T = TypeVar("T")
 MAX_WORKERS: Final = 1_000
 MAX_CAMERAS: Final = 10_000
 MAX_TAKEN: Final = 10 * MAX_CAMERAS
-"""Tokens for cameras taken over that are kept, of each worker as many as it can serve at most. Of more, those of the
-worker that has most give way, which then counts as idle: a camera is served twice rather than not at all."""
+"""Tokens for cameras taken over that are kept, of each worker as many as it can serve at most. Of more, those of
+workers that are not present give way, else of the one that has most. A worker whose token is not kept counts as idle: a
+camera is served twice rather than not at all."""
 
 TAKE_OVER_S: Final = 2.0
 """A worker that has served a camera for so long says that it has taken it over, whether results came or not."""
@@ -86,9 +87,8 @@ class CameraAssignment:
         known = token.worker in self._taken.get(token.camera, ())
         if known == alive or (alive and len(self._serving.get(token.worker, ())) >= MAX_STREAMS):
             return False
-        if alive and self._taken_count >= MAX_TAKEN:
-            largest = max(self._serving, key=lambda worker: len(self._serving[worker]))
-            self._release(next(iter(self._serving[largest])), largest)
+        if alive and self._taken_count >= MAX_TAKEN and not self._make_room(token.worker):
+            return False
         if not alive:
             self._release(token.camera, token.worker)
             return True
@@ -97,6 +97,16 @@ class CameraAssignment:
         self._note_serving(token.worker, token.camera, serving=True)
         if token.worker in self._passed.get(token.camera, ()):
             self._trust(token.camera, token.worker)
+        return True
+
+    def _make_room(self, worker: str) -> bool:
+        """Forget a token of another worker, if that one has less right to it; return whether there is room."""
+        present = {each.worker for each in self._workers}
+        if worker not in present:
+            return False
+        absent = (each for each in self._serving if each not in present)
+        victim = next(absent, None) or max(self._serving, key=lambda each: len(self._serving[each]))
+        self._release(next(iter(self._serving[victim])), victim)
         return True
 
     def _release(self, camera: CameraKey, worker: str) -> None:

@@ -11,7 +11,7 @@ from bus.api import Bus, Presence, Watch
 from bus.demand import SharedDemand
 from bus.sharing.camera_assignment import TAKE_OVER_S
 from bus.sharing.own_cameras import OwnCameras
-from bus.sharing.watchdog import CHECK_S, PROMPT_S, STALLED, unanswered
+from bus.sharing.watchdog import CHECK_S, StallDetector, unanswered
 from schemas import keys, worker_keys
 from schemas.errors import SchemaError
 from schemas.keys import CameraKey, Stream
@@ -95,16 +95,13 @@ class Sharing:
 
     async def _watch_calls(self) -> None:
         """Show which cameras are served, or none while a call does not answer: then other workers take them."""
-        prompt_s = 0.0
+        detector = StallDetector()
         async for checks in unanswered(self._pending):
-            prompt_s = 0.0 if checks else prompt_s + CHECK_S
-            if checks == STALLED:
+            stalled = detector.look(checks)
+            if stalled and not self._stalled.is_set():
                 log.info("a call has not answered for %g s: other workers may take the cameras", checks * CHECK_S)
-                self._answers.clear()
-                self._stalled.set()
-            elif prompt_s > PROMPT_S:
-                self._stalled.clear()
-                self._answers.set()
+            (self._stalled.set if stalled else self._stalled.clear)()
+            (self._answers.clear if stalled else self._answers.set)()
 
     async def _take_part(self, group: TaskGroup) -> None:
         async with AsyncExitStack() as stack:

@@ -7,10 +7,10 @@ from typing import Final
 CHECK_S: Final = 1.0
 
 STALLED: Final = 2
-"""Checks after which a worker shows no longer that it serves its cameras, so that other workers take them."""
+"""Checks after which a call that does not answer counts as a stall."""
 
-PROMPT_S: Final = 5.0
-"""Time without such a call after which it shows them again."""
+PROMPT: Final = 5
+"""Checks without one after which the stall is over."""
 
 HUNG: Final = 60
 """Checks after which an unanswered call counts as hung; calls of a model with new shapes may take seconds."""
@@ -29,3 +29,20 @@ async def unanswered(pending: Callable[[], object]) -> AsyncIterator[int]:
         checks = checks + 1 if now is not None and now == before else 0
         before = now
         yield checks
+
+
+class StallDetector:
+    """Tells whether work stands still: a call takes more than twice as long as any did lately, and STALLED checks."""
+
+    def __init__(self) -> None:
+        self._before = 0
+        self._usual = 0
+        self._prompt = PROMPT
+
+    def look(self, checks: int) -> bool:
+        """Return whether work stands still. checks: for how many the same call has not answered, at each check."""
+        if checks <= self._before:  # it has answered
+            self._usual = max(self._before, self._usual - 1)
+        self._before = checks
+        self._prompt = 0 if checks >= max(STALLED, 2 * self._usual + 1) else self._prompt + 1
+        return self._prompt < PROMPT

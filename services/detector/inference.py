@@ -105,7 +105,7 @@ class Inference:
             async with TaskGroup() as group:
                 group.create_task(self._publish_classes())
                 group.create_task(self._publish_objects())
-                group.create_task(end_if_hung(lambda: self._model.name, self.pending))
+                group.create_task(end_if_hung(self._pending_name, self.pending))
                 await self._take(group)
         finally:
             for settled in self._last.values():  # frames in flight will not be published
@@ -119,6 +119,9 @@ class Inference:
     def pending(self) -> object:
         """Return by what the next answer of model or tracker is known, None while none is asked; see `unanswered`."""
         return (self._done, self._followed) if self._calls or self._following else None
+
+    def _pending_name(self) -> str:
+        return self._model.name if self._calls else f"the tracker beside {self._model.name}"
 
     def totals(self) -> Totals:
         """Return the counts of all frames so far."""

@@ -199,7 +199,7 @@ async def test_whom_nobody_watches_any_more_is_not_there_until_seen_again() -> N
     endpoint = free_endpoint()
     async with open_bus(router(endpoint)) as bus, bus.announce("worker"):
         own = zenoh.open(zenoh.Config.from_json5(json.dumps(session_config(client(endpoint)))))
-        watch = ZenohWatch("worker", asyncio.get_running_loop(), ListedTokens(""), few=True)
+        watch = ZenohWatch("worker", asyncio.get_running_loop(), ListedTokens("", lambda *_: None), few=True)
         for _ in range(2):
             watch.declare(own)
             assert await next_of(watch) == Presence("worker", alive=True)

@@ -128,13 +128,16 @@ def test_where_more_was_taken_over_than_is_remembered_a_camera_is_served_twice_r
     assert made.plan(1 + IDLE_S, MOST) == set(CAMERAS) - {of_b[kept]}
 
 
-def test_a_flood_of_tokens_for_cameras_taken_over_takes_no_others_place(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("names", [2, 200])
+def test_a_flood_of_tokens_for_cameras_taken_over_takes_no_others_place(
+    names: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     of_b = falls_to("b", "a")
     monkeypatch.setattr(camera_assignment, "MAX_TAKEN", 30)
     monkeypatch.setattr(camera_assignment, "MAX_STREAMS", 15)
     made = shares("a")
     made.worker(token("b"), alive=True)
-    flood = [(f"invented{number % 2}", CameraKey("r9", f"c{number}")) for number in range(200)]
+    flood = [(f"invented{number % names}", CameraKey("r9", f"c{number}")) for number in range(200)]
     for name, camera in flood[:100]:
         made.taken(Serves("detector", name, camera), alive=True)
     serve_all(made, "b", of_b)
