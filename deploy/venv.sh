@@ -27,9 +27,9 @@ columns() { stty size </dev/tty 2>/dev/null | cut -d ' ' -f 2 | grep '[1-9]' || 
 with_progress() {
     local what=$1 began=$SECONDS every=15 pid
     shift
+    trap 'kill ${!-} 2>/dev/null; wait ${!-} || true; exit 130' INT TERM
     "$@" >"$log" 2>&1 &
     pid=$!
-    trap 'kill $pid 2>/dev/null; wait $pid || true; exit 130' INT TERM
     [ -t 1 ] && every=1
     while kill -0 "$pid" 2>/dev/null; do
         sleep 1
