@@ -20,10 +20,6 @@ roles:
 """
 
 
-LAST = "fleet/r1/rear/classes"
-"""Sent after what may be refused, to those who may hear this."""
-
-
 @pytest.fixture(scope="module")
 def pki(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("routers") / "pki"
@@ -54,25 +50,25 @@ def test_a_robot_at_one_is_heard_at_the_other_by_those_who_may(
     members: tuple[bool, dict[str, zenoh.Session]],
 ) -> None:
     are_routers, of = members
-    color = "fleet/r1/front/color"
     for name, key, allowed in (
-        ("ann", "fleet/r1/front/classes", True),
-        ("ann", color, True),
-        ("wall", "fleet/r1/front/classes", True),
-        ("wall", color, False),
-        ("ann", "fleet/r2/front/classes", False),  # the robot speaks for another one
+        ("ann", "fleet/r1/c1/classes", True),
+        ("ann", "fleet/r1/c2/color", True),
+        ("wall", "fleet/r1/c3/classes", True),
+        ("wall", "fleet/r1/c4/color", False),
+        ("ann", "fleet/r2/c5/classes", False),  # the robot speaks for another one
     ):
         seen, known = Seen(), Seen()
+        sent_last = f"fleet/r1/{key.split('/')[2]}-last/classes"  # which they may hear; nobody heard it before
         with (
-            of["r1"].declare_publisher(LAST) as last,
+            of["r1"].declare_publisher(sent_last) as last,
             of[name].declare_subscriber(key, seen),
-            of[name].declare_subscriber(LAST, known),
+            of[name].declare_subscriber(sent_last, known),
         ):
             until_matching(last, expected=are_routers)
             of["r1"].put(key, b"x")
             if are_routers:
                 last.put(b"x")
-                assert known.until(1) == [LAST]
+                assert known.until(1) == [sent_last]
             else:
                 assert known.after(partial(last.put, b"x"), expected=0) == []
             assert seen.until(int(are_routers and allowed)) == [key] * (are_routers and allowed), (name, key)
