@@ -15,7 +15,7 @@ from schemas.detections import Mask
 from services.simulator import film
 from services.simulator.film import Film, Part, Store
 from services.simulator.fleet import equipment
-from services.simulator.placement import COLOR_OPTICAL
+from services.simulator.placement import COLOR_OPTICAL, Placement
 from services.simulator.settings import SimulatorSettings
 from services.simulator.world import Drive, SeenObject, generate, render, truth_of
 from services.training.dataset import holdout_seed
@@ -91,16 +91,20 @@ def drawn(seed: int, count: int) -> HeldOutDrive:
         measured = filmed.measure(number, [Part.COLOR, Part.DEPTH])
         pose = drive.pose(filmed.fraction(number))
         seen = [seen_of(each) for each in truth_of(scene, render(scene, pose, SENSORS.color), pose, SENSORS.color)]
-        optical = filmed.robot(number) @ filmed.rig.on_robot(COLOR_OPTICAL)
         frames.append(
             DriveFrame(
                 png=png_of(measured[Part.COLOR]),
                 seen=seen,
                 depth_png=depth_png_of(measured[Part.DEPTH]),
-                pose=optical.tolist(),
+                pose=optical_of(filmed, number).tolist(),
             )
         )
     return HeldOutDrive(seed=seed, frames=frames)
+
+
+def optical_of(filmed: Film, number: int) -> Placement:
+    """Return where the colour camera's optical frame is in the map in an image of a film."""
+    return filmed.robot(number) @ filmed.rig.on_robot(COLOR_OPTICAL)
 
 
 def depth_png_of(depth: NDArray[np.uint16]) -> bytes:

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.accuracy.drives import METRES_PER_SECOND, SENSORS, depth_png_of, seen_of
+from benchmarks.accuracy.drives import METRES_PER_SECOND, SENSORS, depth_png_of, optical_of, seen_of
 from benchmarks.accuracy.following import LEAST_IOU, mask_overlap
 from schemas.detections import Detection, Detections
 from schemas.header import Header
@@ -168,7 +168,7 @@ def record(seed: int, number: int, hz: float, predict: Predictor) -> RecordedRou
     objects: dict[int, TrueObject] = {}
     images = []
     for index in range(film.frames):
-        seen = visible_in(scene, _optical(film, index))
+        seen = visible_in(scene, optical_of(film, index))
         objects.update((each.instance, _true(each)) for each in seen if each.instance not in objects)
         images.append(_image(film, index, robot, seen, predict))
     return RecordedRound(robot=robot, hz=hz, images=images, objects=[objects[key] for key in sorted(objects)])
@@ -191,7 +191,7 @@ def record_changes(
     for step in range(round(seconds * hz)):
         for number, film in enumerate(films):
             second = (step + number / robots) / hz
-            placement = _optical(film, start + step)
+            placement = optical_of(film, start + step)
             image = _image(
                 film,
                 start + step,
@@ -258,10 +258,6 @@ def _film(seed: int, drive: Drive, number: int, hz: float, world: ChangingWorld 
     return Film(seed, SENSORS, count, hz, Store(limit=0), round=number, world=world)
 
 
-def _optical(film: Film, index: int) -> Placement:
-    return film.robot(index) @ film.rig.on_robot(COLOR_OPTICAL)
-
-
 def _image(
     film: Film,
     index: int,
@@ -292,7 +288,7 @@ def _image(
             worker="recorder",
         ),
         depth_png=depth_png_of(measured[Part.DEPTH]),
-        pose=_optical(film, index).tolist(),
+        pose=optical_of(film, index).tolist(),
         visible=_visible(seen),
         shown=shown_by(found, seen),
         second=second,

@@ -3,7 +3,7 @@
 A track is another one where an object was hidden for long, or left the image: the world model knows it by its place.
 """
 
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
@@ -102,9 +102,9 @@ def named(
     near = NEAR_S * HZ + 1
     counted = []
     for index, each in enumerate(detections):
-        of = Counter[int]()
+        of = defaultdict[int, float](float)
         for at, id_ in () if each.track is None else votes.get(each.track, ()):
-            of[id_] += max(0.0, 1 - abs(at - number) / near)  # type: ignore[assignment] # a Counter adds any numbers
+            of[id_] += max(0.0, 1 - abs(at - number) / near)
         counted += [(vote, index, id_) for id_, vote in of.items() if vote > 0]
     names: dict[int, tuple[str, int]] = {}
     for _, index, id_ in sorted(counted, reverse=True):

@@ -1,17 +1,14 @@
 """The owner of each camera among the workers that are present, by weighted rendezvous hashing. Pure."""
 
 import math
-import sys
 from collections import defaultdict
 from collections.abc import Collection
 from hashlib import blake2b
-from typing import Final, TypeVar
+from typing import Final
 
 from schemas.keys import CameraKey
 from schemas.status import MAX_STREAMS
 from schemas.worker_keys import Serves, WorkerAlive
-
-T = TypeVar("T")
 
 MAX_WORKERS: Final = 1_000
 MAX_CAMERAS: Final = 10_000
@@ -70,28 +67,32 @@ class CameraAssignment:
 
     def worker(self, token: WorkerAlive, *, alive: bool) -> bool:
         """Note that a worker came or went; return whether that is new. Others over MAX_WORKERS are ignored."""
-        limit = sys.maxsize if token.worker == self._me else MAX_WORKERS
-        news = _note(self._workers, token, alive=alive, limit=limit)
-        if news and alive:
+        full = len(self._workers) >= MAX_WORKERS and token.worker != self._me
+        if (token in self._workers) == alive or (alive and full):
+            return False
+        if alive:
+            self._workers.add(token)
             self._compare(token)
-        elif news:
+        else:
+            self._workers.remove(token)
             for camera, name in list(self._owners.items()):
                 if name == token.worker:
                     self._forget_owner(camera)
             for camera in [camera for camera, passed in self._passed.items() if token.worker in passed]:
                 self._trust(camera, token.worker)
-        return news
+        return True
 
     def taken(self, token: Serves, *, alive: bool) -> bool:
         """Note that a worker took a camera over or released it; return whether that is new."""
-        known = token.worker in self._taken.get(token.camera, ())
-        if known == alive or (alive and len(self._serving.get(token.worker, ())) >= MAX_STREAMS):
-            return False
-        if alive and self._taken_count >= MAX_TAKEN and not self._make_room(token.worker):
+        if (token.worker in self._taken.get(token.camera, ())) == alive:
             return False
         if not alive:
             self._release(token.camera, token.worker)
             return True
+        if len(self._serving.get(token.worker, ())) >= MAX_STREAMS:
+            return False
+        if self._taken_count >= MAX_TAKEN and not self._make_room(token.worker):
+            return False
         self._taken[token.camera].add(token.worker)
         self._taken_count += 1
         self._note_serving(token.worker, token.camera, serving=True)
@@ -192,10 +193,3 @@ class CameraAssignment:
             if found != name:
                 self._forget_owner(camera)
                 self._owners[camera] = found
-
-
-def _note(members: set[T], member: T, *, alive: bool, limit: int) -> bool:
-    if alive == (member in members) or (alive and len(members) >= limit):
-        return False
-    (members.add if alive else members.discard)(member)
-    return True
