@@ -30,12 +30,12 @@ _CARD: Final = """\
 # {name}: {names}
 
 {kind} (`{architecture}`, {count} classes, input {imgsz} pixels on the longer side, half
-precision), trained {origin}.
+precision), {origin}.
 Made, and this page written, by one command:
 
     {command}
 
-- Seed {seed}; {rendered}batch {batch}{scratch}.
+- Seed {seed}{rendered}{scratch}.
 {mixed}{averaged}{refiner}- The run took {wall_min:.0f} minutes by the clock and {cpu_min:.0f} minutes of processor
   time, rendering included, with {workers} workers on device {device}.
 - Python {python}, {versions}.
@@ -110,6 +110,10 @@ _SEEN: Final = """\
 It has seen a few hundred photographs of a few places. On a real camera of another place it does as well as the table
 of photographs says, at best; train on pictures of your own site before you rely on it."""
 
+_AS_BEFORE: Final = """\
+How many photographs its model was trained on is on the card of {start}. Train on pictures of your own site before you
+rely on it on a real camera."""
+
 _WORLDS_LIMITS: Final = """
 Objects that are far, small or mostly hidden are often missed, and trolleys, posts or bare walls are sometimes taken for
 forklifts. Things that it was never shown (people, cars, hand pallet trucks) may be taken for one of its classes."""
@@ -178,8 +182,9 @@ def model_card(
 ) -> str:
     """Describe a run's weights as Markdown. refined: number of objects a refiner of masks learned from, if any."""
     values = settings.model_dump()
-    own = (_SEEN if settings.data else _UNSEEN) + _WORLDS_LIMITS
+    own = _seen(settings) + _WORLDS_LIMITS
     drawn = bool(numbers_of(figures.classes, settings.class_names))
+    images = f"{settings.images} images of 640x480, two of each scene, " if drawn else ""
     return _CARD.format(
         name=settings.output.stem,
         names=", ".join(figures.classes),
@@ -188,9 +193,9 @@ def model_card(
         count=len(figures.classes),
         command=_command(settings),
         origin=_origin(settings, drawn=drawn),
-        rendered=f"{settings.images} images of 640x480, two of each scene, " if drawn else "",
+        rendered="" if settings.only_refiner else f"; {images}batch {settings.batch}",
         scratch="" if settings.start else _FROM_SCRATCH.format(**values),
-        mixed=_mixed(settings, made, drawn=drawn) if settings.data else "",
+        mixed=_mixed(settings, made, drawn=drawn) if settings.data and not settings.only_refiner else "",
         averaged=_AVERAGED.format(**values) if settings.keep else "",
         limits=own if tuple(figures.classes) == CLASSES else _OTHER_LIMITS,
         simulated="" if figures.simulated is None else _simulated(settings, figures.simulated),
@@ -201,7 +206,7 @@ def model_card(
         versions=", ".join(f"{name} {version(name)}" for name in PACKAGES),
         device=device_name(settings),
         refiner=_REFINER.format(objects=refined, **values) if refined else "",
-        **settings.model_dump(include={"seed", "batch", "imgsz", "workers"}),
+        **settings.model_dump(include={"seed", "imgsz", "workers"}),
     )
 
 
@@ -237,10 +242,19 @@ def _simulated(settings: TrainingSettings, figures: SimulatorFigures) -> str:
     )
 
 
+def _seen(settings: TrainingSettings) -> str:
+    """Say on which photographs a model was trained."""
+    if settings.only_refiner and settings.start is not None:
+        return _AS_BEFORE.format(start=settings.start.name)
+    return _SEEN if settings.data else _UNSEEN
+
+
 def _origin(settings: TrainingSettings, *, drawn: bool) -> str:
+    if settings.only_refiner and settings.start is not None:
+        return f"that of {settings.start.name} but for what refines its masks"
     begin = "from random weights" if settings.start is None else f"from {settings.start.name}"
     pictures = ["rendered pictures of simulated warehouses"] * drawn + ["photographs"] * bool(settings.data)
-    return f"{begin} on {' and on '.join(pictures)}"
+    return f"trained {begin} on {' and on '.join(pictures)}"
 
 
 def _mixed(settings: TrainingSettings, made: MadePictures, *, drawn: bool) -> str:
@@ -259,14 +273,14 @@ def _command(settings: TrainingSettings) -> str:
     options = [
         (name, each) for name, value in given.items() for each in (value if isinstance(value, list) else [value])
     ]
-    texts = (f"--{name.replace('_', '-')} {_argument(each)}" for name, each in options)
+    texts = (f"--{name.replace('_', '-')} {_argument(each)}".rstrip() for name, each in options)
     return " ".join(["fleetsight train", *texts])
 
 
 def _argument(value: object) -> str:
     if isinstance(value, dict):
         return shlex.quote(",".join(f"{old}={new}" for old, new in value.items()))
-    return value.name if isinstance(value, Path) else str(value)
+    return value.name if isinstance(value, Path) else "" if value is True else str(value)
 
 
 def _photographs(figures: Figures) -> str:

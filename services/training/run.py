@@ -10,7 +10,7 @@ from typing import Final
 
 from services.simulator.world import CLASSES
 from services.training.card import model_card
-from services.training.checkpoints import Checkpoint, write_weights
+from services.training.checkpoints import Checkpoint, extras_of, write_weights
 from services.training.collages import PLAIN_SHARE, make_collages, make_plain
 from services.training.dataset import numbers_of, rendered, write_dataset
 from services.training.evaluation.predictor import PredictorLoader
@@ -24,7 +24,7 @@ from services.training.refining.fitting import CHECKPOINT, kept_state
 from services.training.refining.refinement import Refinement
 from services.training.refining.run import NO_REFINER, refine
 from services.training.settings import DECISIVE, TrainingSettings
-from services.training.stages import stages_of
+from services.training.stages import Judge, stages_of
 from services.training.trainer import load_ultralytics
 
 MOST_NAMED: Final = 10
@@ -47,9 +47,10 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
     _check_device(settings)
     photographs = read_data(settings.data)
     classes = photographs.classes
-    drawn = bool(numbers_of(classes, settings.class_names))
     given = None if settings.start is None else _read_checkpoint(settings.start, "name weights to find boxes or masks")
     _check_classes(settings, classes, given)
+    if settings.only_refiner and given is not None:
+        _check_refinable(settings, classes, given)
     if settings.patience and not any(each.objects for each in photographs.tests):
         raise TrainingError(
             "--patience: no object in the pictures of val or test, so that none of them is found better"
@@ -59,21 +60,12 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
     start = None if given is None else _start(settings, classes, given)
     record = work_dir / "effort.json"
     with metered(record):
-        # Where the simulator has none of the classes, its objects may look like them all the same.
-        dataset = write_dataset(
-            work_dir / "data",
-            progress,
-            seed=settings.seed,
-            images=settings.images if drawn else 0,
-            holdout=settings.holdout if drawn else 0,
-            workers=settings.workers,
-            classes=classes,
-            new_names=settings.class_names,
-        )
-        mix, made = _mixed(settings, photographs, rendered(dataset)) if settings.data else (None, NONE_MADE)
-        material = Material(dataset, mix, classes, start)
-        trained = fit(settings, material, progress, judge_on(photographs, settings, progress, load))
-        checkpoint, unrefined = _averaged(settings, trained, start), work_dir / "unrefined.pt"
+        if start is not None and settings.only_refiner:
+            checkpoint, made = start, NONE_MADE
+        else:
+            judge = judge_on(photographs, settings, progress, load)
+            checkpoint, made = _fitted(settings, photographs, start, progress, judge)
+        unrefined = work_dir / "unrefined.pt"
         write_weights(checkpoint, unrefined, settings.imgsz)
         own = classes == CLASSES and (given is None or given.task == "segment")
         refined = refine(settings, unrefined, refinement, progress) if own else NO_REFINER
@@ -82,6 +74,48 @@ def train(settings: TrainingSettings, progress: Progress, load: PredictorLoader,
         figures = evaluate(settings, progress, load, photographs, unrefined if refined.kept else None)
     card = model_card(settings, figures, effort_so_far(record), refined.objects, made)
     settings.output.with_suffix(".md").write_text(card)
+
+
+def _fitted(
+    settings: TrainingSettings,
+    photographs: PhotographData,
+    start: Path | None,
+    progress: Progress,
+    judge: Judge,
+) -> tuple[Path, MadePictures]:
+    """Render, train the model, and average it as wanted; return its checkpoint, and which pictures were made for it."""
+    drawn = bool(numbers_of(photographs.classes, settings.class_names))
+    # Where the simulator has none of the classes, its objects may look like them all the same.
+    dataset = write_dataset(
+        settings.work_dir / "data",
+        progress,
+        seed=settings.seed,
+        images=settings.images if drawn else 0,
+        holdout=settings.holdout if drawn else 0,
+        workers=settings.workers,
+        classes=photographs.classes,
+        new_names=settings.class_names,
+    )
+    mix, made = _mixed(settings, photographs, rendered(dataset)) if settings.data else (None, NONE_MADE)
+    trained = fit(settings, Material(dataset, mix, photographs.classes, start), progress, judge)
+    return _averaged(settings, trained, start), made
+
+
+def _check_refinable(settings: TrainingSettings, classes: Sequence[str], given: Checkpoint) -> None:
+    """Check that weights can get a refiner, and stay as they are otherwise.
+
+    Raises:
+        TrainingError: they cannot.
+    """
+    if given.task != "segment":
+        raise TrainingError(f"--only-refiner: {settings.start} finds boxes, and no masks that could be refined")
+    if tuple(given.classes) != CLASSES or tuple(classes) != CLASSES:
+        found = ", ".join(given.classes if tuple(given.classes) != CLASSES else classes)
+        raise TrainingError(f"--only-refiner: the classes are {found}; it learns from {', '.join(CLASSES)} alone")
+    assert settings.start is not None  # noqa: S101 - where the weights were read
+    side = extras_of(settings.start).get("train_args", {}).get("imgsz", settings.imgsz)
+    if side != settings.imgsz:
+        raise TrainingError(f"--imgsz {settings.imgsz}: the weights of --from are for {side}; give --imgsz {side}")
 
 
 def _check_classes(settings: TrainingSettings, classes: Sequence[str], given: Checkpoint | None) -> None:

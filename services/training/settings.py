@@ -25,6 +25,7 @@ DECISIVE: Final = {
     "freeze",
     "patience",
     "class_names",
+    "only_refiner",
     "start",
 }
 """The settings that determine the weights and their metrics on any machine."""
@@ -91,7 +92,12 @@ class TrainingSettings(BaseModel):
         default=None,
         alias="from",
         description="weights to begin with, instead of from scratch: the shipped ones, or others of Ultralytics' that"
-        " find boxes or masks; needs --data",
+        " find boxes or masks; needs --data or --only-refiner",
+    )
+    only_refiner: bool = Field(
+        default=False,
+        description="train nothing but the refiner, anew, of the weights that --from names, which stay as they are;"
+        " photographs of --data are then to evaluate on alone",
     )
     class_names: dict[str, str] = Field(
         default={},
@@ -137,11 +143,18 @@ class TrainingSettings(BaseModel):
     @classmethod
     def _takes_less_with_given_weights(cls, given: Any) -> Any:
         begins = isinstance(given, dict) and (given.get("from") or given.get("start"))
-        return {**FINE_TUNING, **given} if begins else given
+        return {**FINE_TUNING, **given} if begins and not given.get("only_refiner") else given
 
     @model_validator(mode="after")
     def _has_something_to_train_on(self) -> Self:
-        if self.start is not None and not self.data:
+        if self.only_refiner:
+            if self.start is None:
+                raise ValueError("--only-refiner: name the weights whose refiner it is with --from")
+            if self.keep or self.class_names:
+                raise ValueError("--only-refiner: leave --keep and --class-names out; the model stays as it is")
+            if not self.refiner_images:
+                raise ValueError("--only-refiner: with --refiner-images 0 it has nothing to learn from")
+        elif self.start is not None and not self.data:
             raise ValueError("--from: nothing new to train on; name a folder of photographs with --data")
         if self.keep and self.start is None:
             raise ValueError("--keep: there are no weights to keep a share of; name them with --from")

@@ -30,7 +30,8 @@ NO_REFINER: Final = TrainedRefiner({}, 0)
 def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, progress: Progress) -> TrainedRefiner:
     """Train the refiner of `weights`, unless they find too few objects to learn from.
 
-    It begins with the refiner of the weights that the run began with, if they have one.
+    It begins with the refiner of the weights that the run began with, if they have one, except where it is all that is
+    trained.
     """
     import torch  # noqa: PLC0415 - only the training needs it
 
@@ -44,8 +45,10 @@ def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, pr
     if len(samples.labels) < BATCH:
         return NO_REFINER
     torch.manual_seed(settings.seed)
-    network = refinement.network(len(CLASSES), samples.take(np.zeros(1, np.int64))["features"].shape[-1])
-    if settings.start is not None and (state := refinement.state_in(settings.start)) is not None:
+    start = None if settings.only_refiner else settings.start
+    state = None if start is None else refinement.state_in(start)
+    network = refinement.network(state, len(CLASSES), samples.take(np.zeros(1, np.int64))["features"].shape[-1])
+    if state is not None:
         network.load_state_dict(state)
     fit_refiner(network, samples, settings=settings, progress=progress)
     return TrainedRefiner(refinement.kept(network), len(samples.labels))

@@ -189,6 +189,58 @@ def test_the_card_says_how_it_was_made(interrupted: TrainingSettings) -> None:
         assert held_out in card
 
 
+@pytest.fixture(scope="module")
+def only_refined(interrupted: TrainingSettings, resumed: Recorder, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Train the refiner of the run's weights anew, and nothing else; return the new weights."""
+    folder, recorder = tmp_path_factory.mktemp("refining"), Recorder()
+    changed = {"output": folder / "refined.pt", "work_dir": folder / "work", "seed": 4}
+    settings = interrupted.model_copy(update={**changed, "start": interrupted.output, "only_refiner": True})
+    train(settings, recorder, open_weights, REFINEMENT)
+    assert {stage for stage, _, _ in recorder.reports} & {"render", "train coarse", "train mixed"} == set()
+    assert recorder.totals("train refiner") == resumed.totals("train refiner")
+    return settings.output
+
+
+def test_a_refiner_alone_is_trained_anew_and_the_model_stays(interrupted: TrainingSettings, only_refined: Path) -> None:
+    before, after = (Checkpoint.read(file).weights for file in (interrupted.output, only_refined))
+    assert before.keys() == after.keys()
+    assert all(torch.equal(before[name], after[name]) for name in before)
+    states = [REFINEMENT.state_in(file) for file in (interrupted.output, only_refined)]
+    assert states[0] is not None
+    assert states[1] is not None
+    assert not torch.equal(states[0]["out.weight"], states[1]["out.weight"])
+
+
+def test_the_card_says_that_the_refiner_alone_was_trained(only_refined: Path) -> None:
+    card = only_refined.with_suffix(".md").read_text()
+    assert "that of tiny-seg.pt but for what refines its masks.\n" in card
+    assert "--only-refiner --from tiny-seg.pt" in card
+    assert "is on the card of tiny-seg.pt" in card
+    assert "trained for 2 epochs on" in card
+    for other in ("batch", "no photograph", "trained from"):
+        assert other not in card.replace("--batch 2", "")
+
+
+def test_weights_that_cannot_get_a_refiner_are_named(
+    interrupted: TrainingSettings, only_refined: Path, tmp_path: Path
+) -> None:
+    other = {"start": only_refined, "only_refiner": True, "work_dir": tmp_path / "work"}
+    settings = interrupted.model_copy(update=other)
+    assert refusal(settings.model_copy(update={"imgsz": 96})) == (
+        "--imgsz 96: the weights of --from are for 64; give --imgsz 64"
+    )
+    bins, boxes = tmp_path / "bins.pt", tmp_path / "boxes.pt"
+    Checkpoint.read(only_refined).with_classes(["box", "bin"], {}).write(bins, {})
+    assert refusal(settings.model_copy(update={"start": bins})) == (
+        "--only-refiner: the classes are box, bin; it learns from box, pallet, forklift alone"
+    )
+    ultralytics = load_ultralytics(tmp_path / "ultralytics")
+    ultralytics.YOLO("yolo11n.yaml").save(str(boxes))
+    assert refusal(settings.model_copy(update={"start": boxes})) == (
+        f"--only-refiner: {boxes} finds boxes, and no masks that could be refined"
+    )
+
+
 @pytest.mark.usefixtures("resumed")
 def test_a_run_that_is_done_is_not_trained_again(interrupted: TrainingSettings) -> None:
     recorder = Recorder(interrupt_at=("evaluate", 1))

@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pydantic import ValidationError
@@ -33,3 +34,22 @@ def test_a_run_that_begins_with_weights_takes_less_unless_told_otherwise() -> No
     given = TrainingSettings.model_validate({"from": "a.pt", "data": ["site"], "refiner_epochs": 3})
     assert (scratch.images, scratch.refiner_images, scratch.refiner_epochs) == (6000, 12000, 5)
     assert (given.images, given.refiner_images, given.refiner_epochs) == (600, 1500, 3)
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        ({"start": None}, "name the weights whose refiner it is with --from"),
+        ({"keep": 0.5}, "leave --keep and --class-names out"),
+        ({"class_names": {"box": "parcel"}}, "leave --keep and --class-names out"),
+        ({"refiner_images": 0}, "nothing to learn from"),
+    ],
+)
+def test_a_refiner_alone_needs_weights_that_stay_as_they_are(more: dict[str, Any], why: str) -> None:
+    with pytest.raises(ValidationError, match=f"--only-refiner: .*{why}"):
+        TrainingSettings(**{"start": Path("my.pt"), "only_refiner": True, **more})
+
+
+def test_a_refiner_alone_is_trained_as_long_as_one_from_scratch() -> None:
+    alone = TrainingSettings.model_validate({"from": "my.pt", "only_refiner": True})
+    assert (alone.refiner_images, alone.refiner_epochs) == (12000, 5)
