@@ -19,6 +19,7 @@ from services.detector.runtime.refinement.refiner import (
     CloseUps,
     Refined,
     blank_close_ups,
+    halved,
     stretched,
 )
 from services.detector.runtime.refinement.torch_refiner import KEY, kept
@@ -70,7 +71,7 @@ def open_look(weights: Path, device: str, folder: Path) -> RefinerLook:
         letterbox = Letterbox.fit(image.shape[0], image.shape[1], model.facts.longest, model.facts.stride)
         masks = (seen.pixels[..., COARSE] > 127) & (seen.pixels[..., BOX] > 0)
         place = partial(_letterboxed, letterbox)
-        return Looks(seen.pixels, seen.features, seen.labels, seen.scores, seen.windows, masks, place)
+        return Looks(seen.pixels, halved(seen.features), seen.labels, seen.scores, seen.windows, masks, place)
 
     return look
 

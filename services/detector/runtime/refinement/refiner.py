@@ -31,9 +31,6 @@ COARSE: Final = 3
 BOX: Final = 5
 """The channel that is not 0 where the box is."""
 
-LARGEST: Final = float(np.finfo(np.float16).max)
-"""What a feature can be at most."""
-
 SMALL: Final = 0.05
 """The share of a mask that is a small part of it; larger ones are what posts before an object leave of it."""
 
@@ -51,7 +48,7 @@ class CloseUps:
     """
 
     pixels: Bytes
-    features: NDArray[np.float16]
+    features: Floats
     labels: NDArray[np.int64]
     scores: Floats
     windows: NDArray[np.int64]
@@ -61,7 +58,7 @@ def blank_close_ups(count: int, prototypes: int) -> CloseUps:
     """Return an empty set of close-ups."""
     return CloseUps(
         np.zeros((count, SIDE, SIDE, CHANNELS), np.uint8),
-        np.zeros((count, FEATURES_SIDE, FEATURES_SIDE, prototypes), np.float16),
+        np.zeros((count, FEATURES_SIDE, FEATURES_SIDE, prototypes), np.float32),
         np.zeros(count, np.int64),
         np.full(count, 0.5, np.float32),
         np.tile(np.array([0, 0, SIDE, SIDE], np.int64), (count, 1)),
@@ -77,17 +74,22 @@ def close_ups(image: Bytes, objects: Candidates, prototypes: Floats) -> CloseUps
     step = image.shape[0] // prototypes.shape[1]
     cells = _cells(objects.corners / np.float32(step), prototypes.shape[1:])
     pixels = np.empty((len(cells), SIDE, SIDE, CHANNELS), np.uint8)
-    features = np.empty((len(cells), FEATURES_SIDE, FEATURES_SIDE, len(prototypes)), np.float16)
-    planes = np.clip(prototypes.transpose(1, 2, 0), -LARGEST, LARGEST, order="C")
+    features = np.empty((len(cells), FEATURES_SIDE, FEATURES_SIDE, len(prototypes)), np.float32)
+    planes = np.ascontiguousarray(prototypes.transpose(1, 2, 0))
     odds = _odds(objects, cells, prototypes, step)
     windows = cells * step
     for n, (own, surer) in enumerate(odds):
         features[n] = _features(planes[_rectangle(cells[n])])
-        pixels[n, ..., :3] = stretched(image[_rectangle(windows[n])])
-        pixels[n, ..., COARSE] = stretched(_byte((np.tanh(own / np.float32(4)) + np.float32(1)) / np.float32(2)))
-        pixels[n, ..., 4] = stretched(_byte(surer))
-        pixels[n, ..., BOX] = 255 * _inside(objects.corners[n], windows[n])
+        colours = stretched(image[_rectangle(windows[n])])
+        coarse = stretched(_byte((np.tanh(own / np.float32(4)) + np.float32(1)) / np.float32(2)))
+        cv2.merge((colours, coarse, stretched(_byte(surer)), _inside(objects.corners[n], windows[n])), pixels[n])
     return CloseUps(pixels, features, objects.labels, objects.scores, windows)
+
+
+def halved(features: Floats) -> NDArray[np.float16]:
+    """Return features in half precision, for networks of earlier releases and to keep them; the largest are cut."""
+    most = np.finfo(np.float16).max
+    return np.clip(features, -most, most).astype(np.float16)
 
 
 def own_parts(mask: NDArray[np.bool_], inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -154,13 +156,14 @@ def _rectangle(sides: NDArray[np.int64]) -> tuple[slice, slice]:
     return slice(top, bottom), slice(left, right)
 
 
-def _inside(corners: Floats, window: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _inside(corners: Floats, window: NDArray[np.int64]) -> Bytes:
+    """Return a square of SIDE that is 255 inside a box and 0 around it."""
     left, top, right, bottom = window.tolist()
     places = (np.arange(SIDE, dtype=np.float32) + 0.5) / SIDE
     across, down = left + places * (right - left), top + places * (bottom - top)
     columns = (across >= corners[0]) & (across < corners[2])
     rows = (down >= corners[1]) & (down < corners[3])
-    return np.asarray(rows[:, None] & columns)
+    return np.where(rows[:, None] & columns, np.uint8(255), np.uint8(0))
 
 
 AT_ONCE: Final = 32

@@ -281,7 +281,7 @@ def test_nothing_is_refined_for_nobody() -> None:
 def looks(*windows: tuple[int, int, int, int]) -> CloseUps:
     """Return close-ups of which nobody looks at more than the windows."""
     count = len(windows)
-    pixels, features = np.full((count, SIDE, SIDE, 6), 255, np.uint8), np.zeros((count, 32, 32, 1), np.float16)
+    pixels, features = np.full((count, SIDE, SIDE, 6), 255, np.uint8), np.zeros((count, 32, 32, 1), np.float32)
     return CloseUps(pixels, features, np.zeros(count, np.int64), np.ones(count, np.float32), np.array(windows))
 
 

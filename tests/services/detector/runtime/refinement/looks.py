@@ -21,7 +21,7 @@ def looks(count: int) -> CloseUps:
     rng = np.random.default_rng(count)
     return CloseUps(
         rng.integers(0, 256, (count, SIDE, SIDE, CHANNELS), np.uint8),
-        rng.random((count, FEATURES_SIDE, FEATURES_SIDE, PROTOTYPES)).astype(np.float16),
+        rng.random((count, FEATURES_SIDE, FEATURES_SIDE, PROTOTYPES)).astype(np.float32),
         rng.integers(0, CLASSES, count),
         rng.random(count).astype(np.float32),
         np.zeros((count, 4), np.int64),

@@ -1,6 +1,7 @@
 from collections.abc import Callable
 
 import numpy as np
+import onnx
 import pytest
 import torch
 
@@ -13,7 +14,17 @@ from tests.services.detector.runtime.refinement.looks import looks, network
 MAKERS: dict[str, Callable[[], Refiner]] = {
     "torch": lambda: TorchRefiner(network(), torch.device("cpu")),
     "onnx": lambda: OnnxRefiner(onnx_of(network()), 1),
+    "onnx, of release 0.2": lambda: OnnxRefiner(taking_half_precision(onnx_of(network())), 1),
 }
+
+
+def taking_half_precision(content: bytes) -> bytes:
+    """Have a network take features in half precision, as in exports of earlier releases."""
+    model = onnx.load_from_string(content)
+    (features,) = (each for each in model.graph.input if each.name == "features")
+    features.name, features.type.tensor_type.elem_type = "half", onnx.TensorProto.FLOAT16
+    model.graph.node.insert(0, onnx.helper.make_node("Cast", ["half"], ["features"], to=onnx.TensorProto.FLOAT))
+    return bytes(model.SerializeToString())
 
 
 @pytest.fixture(params=MAKERS)
@@ -32,6 +43,13 @@ def test_however_many_there_are_each_is_refined_as_torch_does_it_alone(refiner: 
         alone = torch_refiner.run(one)
         assert np.allclose(alone.odds[0], together.odds[n], atol=0.05)
         assert alone.qualities[0] == pytest.approx(together.qualities[n], abs=0.01)
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_features_beyond_half_precision_do_no_harm(name: str) -> None:
+    seen = looks(2)
+    seen.features[0, 3, 3] = 1e6
+    assert np.isfinite(MAKERS[name]().run(seen).odds).all()
 
 
 def test_none_are_refined_too(refiner: Refiner) -> None:
