@@ -2,13 +2,15 @@
 
 import hashlib
 import logging
+import math
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from statistics import median
 from typing import Final
 
 import numpy as np
@@ -37,10 +39,22 @@ FOR_DEVICE: Final[Mapping[str, tuple[Runtime, ...]]] = {
     "cpu": ("openvino", "onnx", "torch"),
     "cuda": ("tensorrt", "torch"),
 }
-ROUNDS: Final = 6
+LEAST_ROUNDS: Final = 3
+MOST_ROUNDS: Final = 12
 REPEATS: Final = 2
+EQUAL: Final = 0.03
+"""The share by which the times of two runtimes may differ for both to be as fast; the first candidate is then taken."""
+HOPELESS: Final = 1.5
+"""How much longer than the fastest a runtime may take to be measured on."""
+BUSY: Final = 1.25
+"""How much longer than its shortest time a runtime usually takes where something else keeps the machine busy."""
 KEPT_S: Final = 7 * 24 * 3600
-"""How long a choice is kept: one that was made while something else kept the machine busy is not for ever."""
+"""How long a choice is kept: machines change."""
+KEPT_BUSY_S: Final = 3600
+"""How long one is kept that was made on a busy machine."""
+BUSY_MARK: Final = "on a busy machine"
+
+Clock = Callable[[], float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +81,36 @@ def check_installed(runtime: Runtime) -> None:
         raise ModelError(f"--runtime {runtime}: {missing[0]} is not installed; {REMEDIES[runtime]}")
 
 
-def choose(make: Callable[[Runtime], Engine], place: RuntimeTarget, blank: NDArray[np.uint8]) -> tuple[Runtime, Engine]:
-    """Return the fastest runtime for a device and the model under it. Measurements are kept for a week.
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """The shortest time, in seconds, that a runtime took for a batch, and the median of its times."""
 
-    What was the fastest and no longer works is left out, with a warning.
+    shortest: float
+    usual: float
+
+    @classmethod
+    def of(cls, times: Sequence[float]) -> "Timing":
+        return cls(min(times), median(times))
+
+    def is_apart(self, other: "Timing") -> bool:
+        """Return whether another one is slower for certain: it never took as little time as this one usually takes."""
+        return other.shortest > self.usual * (1 + EQUAL)
+
+    def equals(self, other: "Timing") -> bool:
+        pairs = (self.shortest, other.shortest), (self.usual, other.usual)
+        return all(max(pair) <= min(pair) * (1 + EQUAL) for pair in pairs)
+
+
+def choose(
+    make: Callable[[Runtime], Engine],
+    place: RuntimeTarget,
+    blank: NDArray[np.uint8],
+    clock: Clock = time.perf_counter,
+) -> tuple[Runtime, Engine]:
+    """Return the fastest runtime for a device and the model under it.
+
+    Choices are kept for a week, or for an hour if the machine was busy. What was the fastest and no longer works is
+    left out, with a warning.
 
     make: returns the model under a runtime that has proved that it works. blank: a batch to measure with.
 
@@ -87,27 +127,53 @@ def choose(make: Callable[[Runtime], Engine], place: RuntimeTarget, blank: NDArr
         return next(iter(engines.items()))
     if not engines:
         raise ModelError("no runtime works here; the warnings say why")
-    times = measure(engines, blank)
-    best = min(times, key=times.__getitem__)
-    log.info("%s is the fastest here: %s", best, ", ".join(f"{each} {t * 1e3:.0f} ms" for each, t in times.items()))
-    _remember(memory, best)
+    timings = measure(engines, blank, clock)
+    best = _fastest(timings)
+    busy = timings[best].usual > BUSY * timings[best].shortest
+    log.info("%s", _told(best, timings, busy=busy))
+    _remember(memory, best, busy=busy)
     return best, engines[best]
 
 
-def measure(engines: Mapping[Runtime, Engine], blank: NDArray[np.uint8]) -> dict[Runtime, float]:
-    """Return the shortest time in seconds that each runtime takes for a batch, measured in turn.
+def measure(
+    engines: Mapping[Runtime, Engine], blank: NDArray[np.uint8], clock: Clock = time.perf_counter
+) -> dict[Runtime, Timing]:
+    """Return how long each runtime takes for a batch: in turn, until the fastest and each other are apart or equal.
 
     The first of each turn does not count: another library's threads may still be spinning.
     """
-    best = dict.fromkeys(engines, float("inf"))
-    for _ in range(ROUNDS):
+    times: dict[Runtime, list[float]] = {name: [] for name in engines}
+    timings: dict[Runtime, Timing] = {}
+    for done in range(1, MOST_ROUNDS + 1):
+        least = min((each.shortest for each in timings.values()), default=math.inf)
         for name, engine in engines.items():
+            if name in timings and timings[name].shortest > HOPELESS * least:
+                continue
             engine.run(blank)
             for _ in range(REPEATS):
-                began = time.perf_counter()
+                began = clock()
                 engine.run(blank)
-                best[name] = min(best[name], time.perf_counter() - began)
-    return best
+                times[name].append(clock() - began)
+        timings = {name: Timing.of(each) for name, each in times.items()}
+        best = timings[min(timings, key=lambda name: timings[name].shortest)]
+        if done >= LEAST_ROUNDS and all(best.is_apart(each) or best.equals(each) for each in timings.values()):
+            break
+    return timings
+
+
+def _fastest(timings: Mapping[Runtime, Timing]) -> Runtime:
+    """Return the fastest runtime; of some that are as fast the first, so that every start chooses the same one."""
+    least = min(each.shortest for each in timings.values())
+    return next(name for name, each in timings.items() if each.shortest <= least * (1 + EQUAL))
+
+
+def _told(best: Runtime, timings: Mapping[Runtime, Timing], *, busy: bool) -> str:
+    others = [each.shortest for name, each in timings.items() if name != best]
+    longer = min(others) / timings[best].shortest - 1
+    by = f"the next takes {longer:.0%} longer" if longer > EQUAL else "another is as fast"
+    times = ", ".join(f"{name} {each.shortest * 1e3:.0f} ms" for name, each in timings.items())
+    again = "; the machine was busy, so a start an hour later measures again" if busy else ""
+    return f"{best} is the fastest here, {by}: {times}{again}"
 
 
 def for_weights(device: str) -> tuple[Runtime, ...]:
@@ -139,20 +205,21 @@ def _memory(place: RuntimeTarget, candidates: Iterable[Runtime]) -> Path:
 
 def _recall(memory: Path) -> Runtime | None:
     try:
-        if not 0 <= time.time() - memory.stat().st_mtime < KEPT_S:
-            return None
         text = memory.read_text(encoding="ascii")
+        age_s = time.time() - memory.stat().st_mtime
     except (OSError, UnicodeDecodeError):
         return None
-    return next((each for each in NEEDS if each == text), None)
+    named, _, mark = text.partition("\n")
+    kept_s = KEPT_BUSY_S if mark == BUSY_MARK else KEPT_S
+    return next((each for each in NEEDS if each == named), None) if 0 <= age_s < kept_s else None
 
 
-def _remember(memory: Path, runtime: Runtime) -> None:
+def _remember(memory: Path, runtime: Runtime, *, busy: bool) -> None:
     try:
         memory.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=MAKING, dir=memory.parent) as folder:
             made = Path(folder) / memory.name
-            made.write_text(runtime, encoding="ascii")
+            made.write_text(f"{runtime}\n{BUSY_MARK}" if busy else runtime, encoding="ascii")
             made.replace(memory)
     except OSError as error:
         log.warning("%s is measured again at the next start: --cache %s: %s", runtime, memory.parent, error.strerror)

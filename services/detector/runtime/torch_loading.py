@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from services.detector.model import first_line
 from services.detector.runtime.choosing import RuntimeTarget, check_installed, choose, for_weights
-from services.detector.runtime.engine import Engine, RunningModel, Runtime
+from services.detector.runtime.engine import BATCH_ON_GPU, Engine, RunningModel, Runtime
 from services.detector.runtime.exporting import discard, exported
 from services.detector.runtime.pipeline import prove
 from services.detector.runtime.postprocess import OutputError
@@ -91,7 +91,8 @@ def _engines(
             raise
         except Exception as error:  # noqa: BLE001 - `choose` takes those that work
             log.debug("torch does not work here: %s", first_line(error))
-        return *choose(make, place, blank), reference
+        batch = np.repeat(blank, BATCH_ON_GPU, axis=0) if device.type == "cuda" else blank
+        return *choose(make, place, batch), reference
     check_installed(settings.runtime)
     return settings.runtime, make(settings.runtime), reference
 

@@ -3,6 +3,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,17 @@ import pytest
 from numpy.typing import NDArray
 
 from services.detector.model import ModelError
-from services.detector.runtime.choosing import KEPT_S, RuntimeTarget, choose, for_weights
+from services.detector.runtime.choosing import (
+    KEPT_BUSY_S,
+    KEPT_S,
+    LEAST_ROUNDS,
+    MOST_ROUNDS,
+    REPEATS,
+    RuntimeTarget,
+    choose,
+    for_weights,
+    measure,
+)
 from services.detector.runtime.engine import Engine, Runtime
 from services.detector.runtime.postprocess import Output
 
@@ -18,16 +29,32 @@ BLANK = np.zeros((1, 32, 32, 3), np.uint8)
 QUICK: Runtime = "onnx"
 
 
-class Slow:
-    """Takes its time."""
+class Machine:
+    """A clock that engines move on: each call takes the next of its engine's times, over and over."""
 
-    def __init__(self, seconds: float) -> None:
-        self._seconds = seconds
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def clock(self) -> float:
+        return self.now_s
+
+
+class Slow:
+    """Takes its time on a machine."""
+
+    def __init__(self, machine: Machine, *seconds: float) -> None:
+        self._machine = machine
+        self._seconds = cycle(seconds)
+        self.calls = 0
 
     def run(self, images: NDArray[np.uint8]) -> list[Output]:
         """See `Engine.run`."""
-        time.sleep(self._seconds)
+        self.calls += 1
+        self._machine.now_s += next(self._seconds)
         return [Output(np.zeros((6, 0), np.float32), None) for _ in images]
+
+
+MACHINE = Machine()
 
 
 def place(cache: Path, digest: str = "d1", gpu: str = "") -> RuntimeTarget:
@@ -40,21 +67,21 @@ def maker(asked: list[Runtime], *broken: Runtime) -> Callable[[Runtime], Engine]
         asked.append(runtime)
         if runtime in broken:
             raise RuntimeError("it does not run here")
-        return Slow(0.0 if runtime == QUICK else 0.02)
+        return Slow(MACHINE, 0.01 if runtime == QUICK else 0.02)
 
     return make
 
 
 def test_the_fastest_is_chosen_and_remembered_for_these_weights_on_this_gpu(tmp_path: Path) -> None:
     first: list[Runtime] = []
-    assert choose(maker(first), place(tmp_path), BLANK)[0] == QUICK
+    assert choose(maker(first), place(tmp_path), BLANK, MACHINE.clock)[0] == QUICK
     assert set(first) == {"openvino", "onnx", "torch"}
     again: list[Runtime] = []
-    assert choose(maker(again), place(tmp_path), BLANK)[0] == QUICK
+    assert choose(maker(again), place(tmp_path), BLANK, MACHINE.clock)[0] == QUICK
     assert again == [QUICK]
     for elsewhere in (place(tmp_path, "d2"), place(tmp_path, gpu="NVIDIA L4")):
         other: list[Runtime] = []
-        choose(maker(other), elsewhere, BLANK)
+        choose(maker(other), elsewhere, BLANK, MACHINE.clock)
         assert set(other) == set(first)
 
 
@@ -62,19 +89,19 @@ def test_the_fastest_is_chosen_and_remembered_for_these_weights_on_this_gpu(tmp_
 def test_what_was_remembered_is_measured_again_after_a_week_or_a_clock_set_back(
     tmp_path: Path, age_s: float, measured: int
 ) -> None:
-    choose(maker([]), place(tmp_path), BLANK)
+    choose(maker([]), place(tmp_path), BLANK, MACHINE.clock)
     (memory,) = tmp_path.glob("choice-*")
     then = time.time() - age_s
     os.utime(memory, (then, then))
     asked: list[Runtime] = []
-    choose(maker(asked), place(tmp_path), BLANK)
+    choose(maker(asked), place(tmp_path), BLANK, MACHINE.clock)
     assert len(asked) == measured
     assert abs(time.time() - memory.stat().st_mtime) < (60 if measured == 3 else age_s + 60)
 
 
 def test_what_does_not_run_is_said_and_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.WARNING):
-        chosen, _ = choose(maker([], "onnx", "openvino"), place(tmp_path), BLANK)
+        chosen, _ = choose(maker([], "onnx", "openvino"), place(tmp_path), BLANK, MACHINE.clock)
     assert chosen == "torch"
     assert [record.getMessage() for record in caplog.records] == [
         "not with --runtime openvino: it does not run here",
@@ -85,35 +112,101 @@ def test_what_does_not_run_is_said_and_left_out(tmp_path: Path, caplog: pytest.L
 def test_what_was_remembered_and_no_longer_runs_is_left_out_with_a_warning(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    choose(maker([]), place(tmp_path), BLANK)
+    choose(maker([]), place(tmp_path), BLANK, MACHINE.clock)
     asked: list[Runtime] = []
     with caplog.at_level(logging.WARNING):
-        chosen, _ = choose(maker(asked, QUICK), place(tmp_path), BLANK)
+        chosen, _ = choose(maker(asked, QUICK), place(tmp_path), BLANK, MACHINE.clock)
     assert chosen in {"openvino", "torch"}
     assert asked == [QUICK, "openvino", "torch"]
     assert [record.getMessage() for record in caplog.records] == ["not with --runtime onnx: it does not run here"]
-    assert choose(maker([]), place(tmp_path), BLANK)[0] == chosen
+    assert choose(maker([]), place(tmp_path), BLANK, MACHINE.clock)[0] == chosen
 
 
 def test_none_that_works_is_an_error_that_says_so(tmp_path: Path) -> None:
-    choose(maker([]), place(tmp_path), BLANK)
+    choose(maker([]), place(tmp_path), BLANK, MACHINE.clock)
     with pytest.raises(ModelError, match="no runtime works here"):
-        choose(maker([], "onnx", "openvino", "torch"), place(tmp_path), BLANK)
+        choose(maker([], "onnx", "openvino", "torch"), place(tmp_path), BLANK, MACHINE.clock)
 
 
 def test_a_choice_that_cannot_be_kept_is_made_all_the_same(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     no_folder = tmp_path / "cache"
     no_folder.touch()
     with caplog.at_level(logging.WARNING):
-        assert choose(maker([]), replace(place(tmp_path), cache=no_folder), BLANK)[0] == QUICK
+        assert choose(maker([]), replace(place(tmp_path), cache=no_folder), BLANK, MACHINE.clock)[0] == QUICK
     assert "onnx is measured again at the next start" in caplog.text
     assert str(no_folder) in caplog.text
 
 
 def test_a_damaged_memory_is_no_memory(tmp_path: Path) -> None:
-    choose(maker([]), place(tmp_path), BLANK)
+    choose(maker([]), place(tmp_path), BLANK, MACHINE.clock)
     for memory in tmp_path.glob("choice-*"):
         memory.write_bytes(b"\xff\xfe")
     asked: list[Runtime] = []
-    choose(maker(asked), place(tmp_path), BLANK)
+    choose(maker(asked), place(tmp_path), BLANK, MACHINE.clock)
     assert len(asked) == 3
+
+
+def engines(machine: Machine, **seconds: tuple[float, ...]) -> dict[Runtime, Slow]:
+    return {runtime: Slow(machine, *seconds[runtime]) for runtime in for_weights("cpu") if runtime in seconds}
+
+
+def chosen(folder: Path, made: dict[Runtime, Slow], machine: Machine) -> Runtime:
+    where = replace(place(folder), candidates=tuple(made))
+    return choose(made.__getitem__, where, BLANK, machine.clock)[0]
+
+
+def test_runtimes_that_are_clearly_apart_are_measured_no_longer_than_needed() -> None:
+    machine = Machine()
+    made = engines(machine, openvino=(0.08,), onnx=(0.1,), torch=(0.3,))
+    timings = measure(made, BLANK, machine.clock)
+    assert [round(timings[each].usual, 3) for each in timings] == [0.08, 0.1, 0.3]
+    assert made["openvino"].calls == made["onnx"].calls == LEAST_ROUNDS * (1 + REPEATS)
+    assert made["torch"].calls == 1 + REPEATS  # hopeless after one round
+
+
+def test_runtimes_that_vary_are_measured_until_they_are_apart_or_often_enough() -> None:
+    machine = Machine()
+    made = engines(machine, openvino=(0.08, 0.08, 0.08, 0.08, 0.11), onnx=(0.09, 0.15, 0.09, 0.15))
+    measure(made, BLANK, machine.clock)
+    assert made["onnx"].calls == LEAST_ROUNDS * (1 + REPEATS)
+    noisy = engines(machine, openvino=(0.08, 0.12, 0.13, 0.12), onnx=(0.09, 0.13, 0.12, 0.12))
+    measure(noisy, BLANK, machine.clock)
+    assert noisy["openvino"].calls == noisy["onnx"].calls == MOST_ROUNDS * (1 + REPEATS)
+
+
+def test_of_runtimes_that_are_as_fast_every_start_takes_the_same(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    for number, (one, other) in enumerate([(0.08, 0.081), (0.081, 0.08)]):
+        machine = Machine()
+        with caplog.at_level(logging.INFO):
+            assert (
+                chosen(tmp_path / str(number), engines(machine, openvino=(one,), onnx=(other,)), machine) == "openvino"
+            )
+        assert "openvino is the fastest here, another is as fast: openvino 8" in caplog.text
+
+
+def test_it_is_said_by_how_much_a_runtime_is_faster(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    machine = Machine()
+    with caplog.at_level(logging.INFO):
+        assert chosen(tmp_path, engines(machine, openvino=(0.1,), onnx=(0.08,), torch=(0.2,)), machine) == "onnx"
+    assert [record.getMessage() for record in caplog.records] == [
+        "onnx is the fastest here, the next takes 25% longer: openvino 100 ms, onnx 80 ms, torch 200 ms"
+    ]
+
+
+@pytest.mark.parametrize(("age_s", "measured"), [(KEPT_BUSY_S - 60, 1), (KEPT_BUSY_S + 60, 2)])
+def test_what_was_measured_on_a_busy_machine_is_not_kept_for_a_week(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, age_s: float, measured: int
+) -> None:
+    machine = Machine()
+    with caplog.at_level(logging.INFO):
+        made = engines(machine, openvino=(0.08, 0.12, 0.13, 0.12), onnx=(0.3,))
+        assert chosen(tmp_path, made, machine) == "openvino"
+    assert "the machine was busy" in caplog.text
+    (memory,) = tmp_path.glob("choice-*")
+    then = time.time() - age_s
+    os.utime(memory, (then, then))
+    again = engines(machine, openvino=(0.08,), onnx=(0.3,))
+    assert chosen(tmp_path, again, machine) == "openvino"
+    assert sum(each.calls > 0 for each in again.values()) == (measured if measured > 1 else 0)
