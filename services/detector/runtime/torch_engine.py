@@ -21,18 +21,29 @@ class TorchEngine:
         self._device = device
         self._backend = AutoBackend(model=model, device=device, fuse=True, verbose=False)
         self._backend.eval()
+        self._format = _memory_format(self._backend)
 
     def run(self, images: NDArray[np.uint8]) -> list[Output]:
         """See `Engine.run`."""
         try:
             with torch.inference_mode():
                 batch = torch.from_numpy(images).to(self._device).permute(0, 3, 1, 2)
-                found = self._backend(batch.to(memory_format=torch.contiguous_format).float().div_(255))
+                found = self._backend(batch.to(memory_format=self._format).float().div_(255))
                 predictions, prototypes = _parts(found)
                 return outputs(_array(predictions), None if prototypes is None else _array(prototypes))
         except torch.OutOfMemoryError as error:
             torch.cuda.empty_cache()
             raise OutOfMemoryError(str(error)) from error
+
+
+def _memory_format(backend: AutoBackend) -> torch.memory_format:
+    """Return the memory format of a model's weights, in which its input need not be copied.
+
+    On x86 Ultralytics has them with channels last, as pixels have them, too.
+    """
+    weights = backend.backend.model.parameters() if backend.format == "pt" else ()
+    last = any(not each.is_contiguous() for each in weights)
+    return torch.channels_last if last else torch.contiguous_format
 
 
 def _parts(found: Any) -> tuple[torch.Tensor, torch.Tensor | None]:
