@@ -29,8 +29,8 @@ from services.toolbox.demo.children import free_ports
 PUBLISHERS: Final = 4
 """Processes that the robots are shared by."""
 
-SESSIONS: Final = 10
-"""Of each of them."""
+IN_A_ROW: Final = 25
+"""Robots of one session, if there are as many: a detector that works off a batch publishes so many lists at a time."""
 
 SETTLED_S: Final = 2.0
 """By then a list has arrived, or is lost."""
@@ -82,7 +82,7 @@ class Probe:
 
 
 class Scenario:
-    """5,000 robots and one monitor."""
+    """Robots and one monitor."""
 
     def __init__(
         self, bus: Bus, monitor: Process, publishers: list[Process], probe: Probe, web: httpx.AsyncClient
@@ -188,8 +188,11 @@ class Scenario:
 
 
 @asynccontextmanager
-async def scenario(folder: Path, robots: int, *, apart: bool) -> AsyncIterator[Scenario]:
-    """Start everything; the robots are still to come. apart: the router is another process, the monitor its client."""
+async def scenario(folder: Path, robots: int, sessions: int, *, apart: bool) -> AsyncIterator[Scenario]:
+    """Start everything; the robots, which share sessions, are still to come.
+
+    apart: the router is another process, the monitor its client.
+    """
     rules = folder / "rules.yaml"
     rules.write_text(RULES, encoding="utf-8")
     router = free_endpoint()
@@ -204,9 +207,10 @@ async def scenario(folder: Path, robots: int, *, apart: bool) -> AsyncIterator[S
         if apart:
             stack.enter_context(running(module("router", router)))
         monitor = stack.enter_context(running([*TOOLBOX, *command, "--history", history, "--rules", str(rules)]))
-        share = robots // PUBLISHERS
+        share, of_each = robots // PUBLISHERS, sessions // PUBLISHERS
+        in_a_row = max(1, min(IN_A_ROW, robots // sessions))
         publishers = [
-            stack.enter_context(running(module("class_lists", router, str(index * share), str(SESSIONS))))
+            stack.enter_context(running(module("class_lists", *map(str, (router, index * share, of_each, in_a_row)))))
             for index in range(PUBLISHERS)
         ]
         async with (

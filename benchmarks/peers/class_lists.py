@@ -1,4 +1,4 @@
-"""Robots as a monitor hears them. Arguments: router, number of the first robot, how many sessions they share.
+"""Robots as a monitor hears them. Arguments: router, number of the first robot, their sessions, robots in a row on one.
 
 Every robot has one camera; both are present, as a gateway says it, and its class lists are published as a detector
 publishes them: those of a session's robots one after the other. What is in view changes every ten seconds or so.
@@ -28,8 +28,6 @@ COMING_S: Final = 0.04
 """Between two robots that come: whoever switches all of them on at once finds out what declaring costs, and no more."""
 
 CHANGE_S: Final = 10
-SHARE: Final = 25
-"""Robots in a row on one session: a detector that works off a batch publishes so many lists at a time."""
 
 BOOT_ID: Final = uuid.uuid4().hex
 
@@ -74,8 +72,9 @@ class Robot:
 class Fleet:
     """The robots of this process."""
 
-    def __init__(self, buses: list[Bus], stack: AsyncExitStack, first: int) -> None:
+    def __init__(self, buses: list[Bus], stack: AsyncExitStack, first: int, share: int) -> None:
         self._buses = buses
+        self._share = share
         self._stack = stack
         self._first = first
         self._robots: list[Robot] = []
@@ -98,7 +97,10 @@ class Fleet:
     async def _grow(self, number: int) -> None:
         while len(self._robots) < number:
             index = len(self._robots)
-            bus, key = self._buses[index // SHARE % len(self._buses)], CameraKey(f"r{self._first + index}", "front")
+            bus, key = (
+                self._buses[index // self._share % len(self._buses)],
+                CameraKey(f"r{self._first + index}", "front"),
+            )
             await self._stack.enter_async_context(bus.announce(keys.robot_alive(key.robot)))
             await self._stack.enter_async_context(bus.announce(key.alive(Stream.COLOR)))
             publisher = await self._stack.enter_async_context(
@@ -126,15 +128,15 @@ class Fleet:
         return late_s
 
 
-async def run(router: str, first: int, sessions: int) -> None:
+async def run(router: str, first: int, sessions: int, share: int) -> None:
     """Obey until the standard input ends."""
     settings = BusSettings(connect=[router], shared_memory=False)
     loop = asyncio.get_running_loop()
     async with AsyncExitStack() as stack:
         buses = [await stack.enter_async_context(open_bus(settings)) for _ in range(sessions)]
-        fleet = Fleet(buses, stack, first)
+        fleet = Fleet(buses, stack, first, share)
         await asyncio.to_thread(obey, lambda line: asyncio.run_coroutine_threadsafe(fleet.obey(line), loop).result())
 
 
 if __name__ == "__main__":
-    asyncio.run(run(sys.argv[1], int(sys.argv[2]), int(sys.argv[3])))
+    asyncio.run(run(sys.argv[1], *map(int, sys.argv[2:])))

@@ -325,7 +325,8 @@ def _refined(seen: CloseUps, odds: Floats, letterbox: Letterbox) -> Iterator[Win
     """Return masks at image resolution: the close-ups' log odds, interpolated, above zero."""
     for pixels, (left, top, right, bottom), found in zip(seen.pixels, seen.windows.tolist(), odds, strict=True):
         mask = found > 0
-        small = np.where(mask & ~own_parts(mask, pixels[..., BOX] > 0), NOTHING, found)
+        own = own_parts(mask, pixels[..., BOX] > 0)
+        small = found if own is mask else np.where(mask & ~own, NOTHING, found)
         upper, down = Taps.within(letterbox.rows, top, bottom, len(small))
         first, across = Taps.within(letterbox.columns, left, right, len(small))
         yield Window(upper, first, (across.apply(down.apply(small).T) > 0).T)

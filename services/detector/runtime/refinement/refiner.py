@@ -34,6 +34,9 @@ BOX: Final = 5
 SMALL: Final = 0.05
 """The share of a mask that is a small part of it; larger ones are what posts before an object leave of it."""
 
+WHOLE: Final = 2
+"""Parts of a close-up where the mask is one of them, as most are."""
+
 SURE: Final = 0.25
 """Score from which on an object counts as one that may hide those behind it."""
 
@@ -97,7 +100,9 @@ def own_parts(mask: NDArray[np.bool_], inside: NDArray[np.bool_]) -> NDArray[np.
 
     mask, inside: SIDE x SIDE, the second where the box is.
     """
-    _, parts = cv2.connectedComponents(mask.view(np.uint8), connectivity=8)
+    count, parts = cv2.connectedComponents(mask.view(np.uint8), connectivity=8)
+    if count <= WHOLE:
+        return mask
     own = np.bincount(parts.ravel()) >= SMALL * np.count_nonzero(mask)
     own[parts[inside]] = True
     own[0] = False  # what is no part
