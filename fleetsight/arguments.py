@@ -1,4 +1,4 @@
-"""Arguments that cannot be, refused at once and by name."""
+"""Arguments that are not valid, refused at once and by name."""
 
 import math
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ class Queue(AnyQueue):
     def __post_init__(self) -> None:
         depth: object = self.depth
         if not isinstance(depth, int) or depth < 1:
-            raise SettingsError(f"a queue of {shown(self.depth)} messages: it keeps none; use a whole number above 0")
+            raise SettingsError(f"queue depth {shown(self.depth)}: use a whole number above 0")
 
 
 QUEUE: Final = Queue
@@ -46,7 +46,7 @@ def shown(value: object) -> str:
 def check_text(what: str, value: object) -> None:
     """Raise SettingsError unless a value is text. what: it is."""
     if not isinstance(value, str):
-        raise SettingsError(f"{what} {shown(value)}: it is no text; give a str")
+        raise SettingsError(f"{what} {shown(value)}: not text; pass a str")
 
 
 def check_name(what: str, name: str) -> None:
@@ -75,7 +75,7 @@ def number(what: str, value: float) -> float:
     except (TypeError, ValueError, OverflowError) as error:
         raise SettingsError(f"{what} {shown(value)}: {error}; give a float") from error
     if math.isnan(given):
-        raise SettingsError(f"{what} nan: it is no number; give one")
+        raise SettingsError(f"{what} nan: not a number; pass one")
     return given
 
 

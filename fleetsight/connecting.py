@@ -38,7 +38,7 @@ async def connect(
     at once, instead of arguments and environment. within_s: seconds to wait for a link.
 
     Raises:
-        SettingsError: an endpoint, a variable or a time that cannot be.
+        SettingsError: an endpoint, a variable or a time that is not valid.
         CertificateError: a file of certificates cannot be used.
         ConnectError: there is no link within `within_s` seconds; the message says why, as far as that is known.
 

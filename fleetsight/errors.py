@@ -1,7 +1,7 @@
 """Every error that fleetsight raises on purpose. Each text names the thing, the cause and the cure.
 
 FleetsightError
-├── SettingsError        an endpoint, a name, a pattern or a number that cannot be
+├── SettingsError        an endpoint, a name, a pattern or a number that is not valid
 ├── CertificateError     a file of certificates that cannot be used
 ├── ConnectError         no link in time, or none at the moment
 ├── ClosedError          the fleet was left, with `async with`, before
@@ -43,7 +43,7 @@ LINK_CURE: Final = "wait until `fleet.problem` is empty, and see that the router
 
 
 class SettingsError(FleetsightError):
-    """An endpoint, a name, a pattern or a number that cannot be."""
+    """An endpoint, a name, a pattern or a number that is not valid."""
 
 
 class CertificateError(FleetsightError):

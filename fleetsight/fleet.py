@@ -24,7 +24,7 @@ class Fleet(Listening):
     """The fleet, as `fleetsight.connect` gives it. To be used on the event loop's thread.
 
     Where methods take a `robot` and a `camera`, those are names in which `*` stands for any number of characters, such
-    as `r*`; one that cannot be raises SettingsError at once. `keep` says what is kept of what the program has not
+    as `r*`; one that is not valid raises SettingsError at once. `keep` says what is kept of what the program has not
     taken yet: `fleetsight.LATEST` the newest of each camera, `fleetsight.QUEUE(100)` the newest 100 of all cameras, in
     order. Links that break are made again, and subscriptions with them, without an error: `problem` says so meanwhile.
 
@@ -76,7 +76,7 @@ class Fleet(Listening):
             NoMonitorError: no monitor is there.
             AnswerTimeoutError: no answer within `timeout_s` seconds (60 at most).
             ConnectError: there is no link.
-            SettingsError: a name or a time that cannot be.
+            SettingsError: a name or a time that is not valid.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
@@ -114,7 +114,7 @@ class Fleet(Listening):
             NoWorldModelError: no world model keeps this site.
             AnswerTimeoutError: no answer within `timeout_s` seconds (60 at most).
             ConnectError: there is no link.
-            SettingsError: a name, a region or a time that cannot be.
+            SettingsError: a name, a region or a time that is not valid.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
@@ -140,6 +140,9 @@ class Fleet(Listening):
 
         For programs that have the images by other means; `serve_model` takes them from the fleet, and shares the
         cameras with the fleet's detectors. opinion: as a second opinion, which nobody counts.
+
+        Raises:
+            SettingsError: a name that is not valid.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet, fleet.results("r7", "rear") as results:
@@ -173,7 +176,7 @@ class Fleet(Listening):
         that begins with the certificate's, unless given.
 
         Raises:
-            SettingsError: a name or a rate that cannot be, or one too long for others to read.
+            SettingsError: a name or a rate that is not valid, or one too long for others to read.
             MessageError: nobody could read what `find` returned.
             ClosedError: the fleet was left before.
 

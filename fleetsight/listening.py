@@ -40,6 +40,9 @@ class Listening:
 
         Subscribing makes detectors look at these cameras.
 
+        Raises:
+            SettingsError: a name, a pattern or `keep` that is not valid.
+
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
         ...         async for seen in fleet.class_lists(robot="r*"):
@@ -53,6 +56,9 @@ class Listening:
         """Return the objects in the images of cameras, best score first: boxes in pixels, masks, tracks.
 
         Subscribing makes detectors look at these cameras, and make masks.
+
+        Raises:
+            SettingsError: a name, a pattern or `keep` that is not valid.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
@@ -68,6 +74,9 @@ class Listening:
 
         Subscribing makes distance workers measure these cameras, and detectors look at them.
 
+        Raises:
+            SettingsError: a name, a pattern or `keep` that is not valid.
+
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
         ...         async for far in fleet.distances(robot="r1"):
@@ -82,6 +91,9 @@ class Listening:
 
         Subscribing makes cloud workers cut them out, and detectors look at these cameras.
 
+        Raises:
+            SettingsError: a name, a pattern or `keep` that is not valid.
+
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
         ...         async for clouds in fleet.objects(robot="r1"):
@@ -93,6 +105,9 @@ class Listening:
 
     def alerts(self, robot: str = "*", *, keep: Latest | Queue = ALERTS_KEPT) -> Stream[Alert]:
         """Return the alerts of robots as they are raised and change; first the last one of each robot.
+
+        Raises:
+            SettingsError: a name, a pattern or `keep` that is not valid.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
@@ -113,6 +128,9 @@ class Listening:
         """Return the colour images of one camera, named in full, as its gateway sends them: see `ImageFrame.format`.
 
         Subscribing has them sent, all the way from the camera: take them only while they are needed.
+
+        Raises:
+            SettingsError: a name or `keep` that is not valid.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
@@ -143,6 +161,9 @@ class Listening:
     def cameras(self, robot: str = "*", camera: str = "*") -> Roster[CameraKey]:
         """Return which cameras with colour images are there; each has a `robot` and a `camera`.
 
+        Raises:
+            SettingsError: a name or a pattern that is not valid.
+
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:
         ...         async for change in fleet.cameras():
@@ -155,6 +176,9 @@ class Listening:
 
     def workers(self, service: str = "*") -> Roster[WorkerName]:
         """Return which workers are there. service: what they do, such as `detector`, `distance` or `cloud`.
+
+        Raises:
+            SettingsError: a name or a pattern that is not valid.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:

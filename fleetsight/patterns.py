@@ -29,7 +29,7 @@ def one_camera(robot: str, camera: str) -> CameraKey:
     """Return the key of one camera, by its whole names.
 
     Raises:
-        SettingsError: a name that cannot be.
+        SettingsError: a name that is not valid.
     """
     check_text("robot name", robot)
     check_text("camera name", camera)

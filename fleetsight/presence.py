@@ -116,7 +116,7 @@ class Roster(Generic[T]):
         Raises:
             ConnectError: there is no link, so nobody knows.
             ClosedError: the fleet was left before.
-            SettingsError: a time that cannot be.
+            SettingsError: a time that is not valid.
 
         >>> async def main():
         ...     async with fleetsight.connect(endpoint) as fleet:

@@ -14,7 +14,11 @@ Id = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
 
 
 class Severity(StrEnum):
-    """The urgency of an alert."""
+    """The urgency of an alert.
+
+    >>> fleetsight.Severity("critical") is fleetsight.Severity.CRITICAL
+    True
+    """
 
     INFO = "info"
     WARNING = "warning"
@@ -22,7 +26,11 @@ class Severity(StrEnum):
 
 
 class AlertState(StrEnum):
-    """The state of an alert."""
+    """The state of an alert.
+
+    >>> [state.value for state in fleetsight.AlertState]
+    ['raised', 'acknowledged', 'escalated', 'resolved']
+    """
 
     RAISED = "raised"
     ACKNOWLEDGED = "acknowledged"
@@ -38,6 +46,14 @@ class Alert(msgspec.Struct, frozen=True, kw_only=True):
     site, object: the site, and the id of the one object of it, that it is about; empty where there is none.
     link: the address of the object's page, without a host where the monitor does not know its own (`--web-url`).
     raised_ns, changed_ns: nanoseconds since the epoch on the monitor's system clock.
+
+    >>> alert = fleetsight.Alert(
+    ...     id="a1", rule="too near", severity=fleetsight.Severity.CRITICAL, state=fleetsight.AlertState.RAISED,
+    ...     robot="r1", camera="front", name="forklift", text="a forklift is nearer than 2 m",
+    ...     raised_ns=1_700_000_000_000_000_000, changed_ns=1_700_000_000_000_000_000,
+    ... )
+    >>> f"{alert.severity} {alert.state}: {alert.robot}: {alert.text}"
+    'critical raised: r1: a forklift is nearer than 2 m'
     """
 
     id: Id

@@ -29,7 +29,12 @@ Edge = Annotated[float, msgspec.Meta(ge=0, le=MAX_SIDE)]
 
 
 class Box(msgspec.Struct, frozen=True):
-    """Corners of an upright rectangle in pixels of the image; (0, 0) is the outer corner of the first pixel."""
+    """Corners of an upright rectangle in pixels of the image; (0, 0) is the outer corner of the first pixel.
+
+    >>> box = fleetsight.Box(100, 50, 260, 170)
+    >>> (box.x2 - box.x1, box.y2 - box.y1)  # width and height
+    (160, 120)
+    """
 
     x1: Edge
     y1: Edge
@@ -42,6 +47,9 @@ class Mask(msgspec.Struct, frozen=True):
 
     size: (height, width) in pixels. counts: the compressed runs. quality: how good whoever made it expects it to be, as
     IoU with the true mask, 0 if there is no such object; absent where that is not judged.
+
+    >>> mask = fleetsight.Mask(size=(2, 3), counts="6")  # the runs: 6 pixels without the object
+    >>> height, width = mask.size
     """
 
     size: tuple[Side, Side]
@@ -86,6 +94,10 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True):
     has not been seen often or surely enough to be followed.
     rotated: of a model for rotated boxes, whose masks they are. keypoints: of a model for poses, as many and in the
     order that it was trained with, mostly COCO's 17 of people.
+
+    >>> found = fleetsight.Detection(name="pallet", score=0.9, box=fleetsight.Box(100, 50, 260, 170))
+    >>> found.mask is None and found.track is None
+    True
     """
 
     name: Label
@@ -99,7 +111,16 @@ class Detection(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Detections(msgspec.Struct, frozen=True, kw_only=True):
-    """The objects in one image of height x width pixels, best score first, with model and worker."""
+    """The objects in one image of height x width pixels, best score first, with model and worker.
+
+    >>> box = fleetsight.Box(100, 50, 260, 170)
+    >>> found = fleetsight.Detections(
+    ...     header=header, height=480, width=640, model="my.pt", worker="w1",
+    ...     objects=[fleetsight.Detection(name="pallet", score=0.9, box=box)],
+    ... )
+    >>> [(each.name, each.box.x1 / found.width) for each in found.objects]
+    [('pallet', 0.15625)]
+    """
 
     header: Header
     height: Side
@@ -121,7 +142,11 @@ class Detections(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ClassCount(msgspec.Struct, frozen=True, gc=False):
-    """The number of objects of one class in view, and the best score among them."""
+    """The number of objects of one class in view, and the best score among them.
+
+    >>> fleetsight.ClassCount("box", 3, 0.91).count
+    3
+    """
 
     name: Label
     count: Annotated[int, msgspec.Meta(ge=0, le=MAX_DETECTIONS)]
@@ -129,7 +154,13 @@ class ClassCount(msgspec.Struct, frozen=True, gc=False):
 
 
 class ClassList(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """The classes in view of one camera at one frame, by name. An empty list is news too: nothing is in view."""
+    """The classes in view of one camera at one frame, by name. An empty list is news too: nothing is in view.
+
+    >>> classes = [fleetsight.ClassCount("box", 3, 0.91), fleetsight.ClassCount("forklift", 1, 0.7)]
+    >>> seen = fleetsight.ClassList(header=header, classes=classes, model="my.pt", worker="w1")
+    >>> {each.name: each.count for each in seen.classes}
+    {'box': 3, 'forklift': 1}
+    """
 
     header: Header
     classes: Annotated[list[ClassCount], msgspec.Meta(max_length=MAX_DETECTIONS)]

@@ -41,6 +41,9 @@ class Measured(msgspec.Struct, frozen=True, kw_only=True):
     mean_m: mean along the optical axis over every valid pixel of the mask, background that shows through included.
     nearest_m: along the optical axis. spread_m: robust standard deviation along the optical axis.
     places: the object's foreground in the camera's optical frame first, then in each further frame that is asked for.
+
+    >>> fleetsight.Measured(axial_m=2.4, euclidean_m=2.5, mean_m=2.6, nearest_m=2.2, spread_m=0.1).nearest_m
+    2.2
     """
 
     axial_m: Distance
@@ -57,6 +60,10 @@ class ObjectDistance(msgspec.Struct, frozen=True, kw_only=True):
     index: its place in the frame's Detections. track: its track, where it has one.
     valid_share: pixels of its mask that have a usable reading, 0 to 1.
     measured: absent where its distance is not known, and then `unknown` says why.
+
+    >>> distance = fleetsight.ObjectDistance(name="box", index=0, valid_share=0.0, unknown="no depth")
+    >>> distance.unknown if distance.measured is None else f"{distance.measured.axial_m} m"
+    'no depth'
     """
 
     name: Label
@@ -79,6 +86,12 @@ class Distances(msgspec.Struct, frozen=True, kw_only=True):
     """The distances of the objects in one colour image, in the order of its Detections, with the worker.
 
     The header is that image's. model: the one that detected the objects. worker: the one that measured them.
+
+    >>> measured = fleetsight.Measured(axial_m=2.4, mean_m=2.6, nearest_m=2.2, spread_m=0.1)
+    >>> box = fleetsight.ObjectDistance(name="box", index=0, valid_share=0.9, measured=measured)
+    >>> found = fleetsight.Distances(header=header, objects=[box], model="my.pt", worker="d1")
+    >>> min(each.measured.nearest_m for each in found.objects if each.measured)
+    2.2
     """
 
     header: Header

@@ -30,6 +30,13 @@ class Header(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     boot_id: one gateway process; a restarted gateway has another.
     seq: counts the frames of this stream that the gateway process could read and meant to send, from 0, without holes:
         what `max_hz` leaves out has no number, so a gap up to LONGEST_GAP is always a loss.
+
+    >>> header = fleetsight.Header(
+    ...     robot="r1", camera="front", boot_id="b1", seq=7, stamp_ns=10**18, frame_id="camera_optical_frame",
+    ...     received_ns=10**18 + 20_000_000,
+    ... )
+    >>> (header.received_ns - header.stamp_ns) / 1e6  # milliseconds, if both clocks of the robot are the same
+    20.0
     """
 
     robot: Name

@@ -53,6 +53,12 @@ class ImageFrame(msgspec.Struct, frozen=True, kw_only=True):
         file, decoded its pixels are of `encoding` (a grey file may be a mosaic or depth), and a row of them takes
         `step` bytes.
     inverse_depth: (a, b) where a png's 16-bit values v stand for 32FC1: a / (v - b) metres, and NaN for 0.
+
+    >>> frame = fleetsight.ImageFrame(
+    ...     header=header, height=2, width=3, encoding="rgb8", step=9, data=memoryview(bytes(18))
+    ... )
+    >>> np.frombuffer(frame.data, np.uint8).reshape(frame.height, frame.step)[:, : 3 * frame.width].shape
+    (2, 9)
     """
 
     header: Header

@@ -40,6 +40,13 @@ class ClassSighting(msgspec.Struct, frozen=True, kw_only=True):
     first and last without a gap, nanoseconds since the epoch on the monitor's system clock. nearest_m: how near the
     nearest of them is, where that is known. model, worker: who said so. available: the robot is online and its camera
     speaks; what is not available is only what was known last.
+
+    >>> sighting = fleetsight.ClassSighting(
+    ...     robot="r1", camera="front", name="box", count=3, score=0.91, first_ns=10**18, last_ns=10**18 + 5 * 10**9,
+    ...     nearest_m=2.5, model="my.pt", worker="w1", available=True,
+    ... )
+    >>> (sighting.last_ns - sighting.first_ns) / 1e9  # seconds in view
+    5.0
     """
 
     robot: Name
@@ -61,6 +68,10 @@ class InventoryAnswer(msgspec.Struct, frozen=True, kw_only=True):
     complete: False if there are more than fit into one answer. class_lists: how many the monitor took in since it
     started, each once. left_out: messages that it did not take in, by reason. problems: in words, what keeps it from
     doing all that it should.
+
+    >>> answer = fleetsight.InventoryAnswer(now_ns=10**18, sightings=[])
+    >>> sum(each.count for each in answer.sightings if each.name == "box" and each.available)
+    0
     """
 
     now_ns: Nanoseconds

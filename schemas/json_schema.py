@@ -25,7 +25,8 @@ def json_schema() -> dict[str, Any]:
 
 
 def _about(name: str, part: dict[str, Any], messages: dict[str, type]) -> dict[str, str]:
-    about = {"description": cleandoc(part["description"])} if "description" in part else {}
+    text, _, _ = cleandoc(part.get("description", "")).partition("\n\n>>> ")  # examples are in Python
+    about = {"description": text} if text else {}
     return about | ({"zenohEncoding": encoding(messages[name])} if name in messages else {})
 
 

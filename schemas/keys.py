@@ -75,6 +75,9 @@ class CameraKey(msgspec.Struct, frozen=True, order=True, gc=False, cache_hash=Tr
 
     Raises:
         SchemaError: a name that cannot be a chunk of a key, or that is reserved.
+
+    >>> str(fleetsight.CameraKey("r1", "front"))
+    'r1/front'
     """
 
     robot: str

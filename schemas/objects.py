@@ -49,6 +49,14 @@ class ObjectCloud(msgspec.Struct, frozen=True, kw_only=True):
     xyz: 3 little-endian float32 a point: metres in the header's frame. rgb: a byte each of red, green and blue a point,
     or nothing where there is no colour. Both are views into the received payload: decoded without a copy.
     shape: in the header's frame. in_target: in the target frame, if there is one.
+
+    >>> box = UprightBox(centre=(0, 0, 2), size=(0.4, 0.3, 0.2), yaw=0)
+    >>> cloud = fleetsight.ObjectCloud(
+    ...     name="box", label=0, index=0, xyz=memoryview(np.ones((5, 3), "<f4").tobytes()), rgb=memoryview(b""),
+    ...     shape=Shape(centroid=(0, 0, 1.9), box=box),
+    ... )
+    >>> np.frombuffer(cloud.xyz, "<f4").reshape(-1, 3).shape == (cloud.count, 3)
+    True
     """
 
     name: Label
@@ -85,6 +93,10 @@ class ObjectClouds(msgspec.Struct, frozen=True, kw_only=True):
     target: where the header's frame is in the chosen target frame at the stamp; without one `unknown_target` says why,
     or is empty where none is chosen.
     unmeasured: why objects of the frame's Detections have no cloud, by their place there.
+
+    >>> found = fleetsight.ObjectClouds(header=header, objects=[], model="my.pt", worker="c1")
+    >>> sum(each.count for each in found.objects)  # points
+    0
     """
 
     header: Header

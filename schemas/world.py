@@ -58,6 +58,13 @@ class WorldObject(msgspec.Struct, frozen=True, kw_only=True):
     looked_ns: when its place was last looked at without the object being seen; 0 for never since it was seen.
     seen_by: the cameras that saw it, the latest first. sightings: how often it was seen.
     velocity: metres a second along x and y; None where its class stands still.
+
+    >>> pallet = fleetsight.WorldObject(
+    ...     id="e1-17", site="main", name="pallet", at=(3.2, -1.0, 0.07), covariance=(0.01, 0, 0, 0.01, 0, 0.01),
+    ...     size=(1.2, 0.8, 0.14), existence=0.98, first_ns=10**18, last_ns=10**18,
+    ... )
+    >>> pallet.covariance[0] ** 0.5  # standard deviation along x, metres
+    0.1
     """
 
     id: WorldId
@@ -149,6 +156,10 @@ class WorldAnswer(msgspec.Struct, frozen=True, kw_only=True):
     """The objects that were asked for, as of now_ns, by class and id. complete: False if more do not fit.
 
     epoch, last: the number of the last change that is in it, see WorldChanges.
+
+    >>> answer = fleetsight.WorldAnswer(site="main", epoch="e1", last=0, now_ns=10**18, objects=[])
+    >>> [each.id for each in answer.objects if each.existence > 0.9]
+    []
     """
 
     site: Name

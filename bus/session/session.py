@@ -170,7 +170,7 @@ class SessionThread:
             read_access(self._settings)
         except BusError as error:
             self._files.use()
-            _log.warning("%s; until that is mended, the bus goes on with the files as they were", error)
+            _log.warning("%s; the bus uses the previous files until this is fixed", error)
             return
         _log.info("opening a new session: certificates or access rules have changed")
         self._end(self._session)

@@ -86,6 +86,6 @@ def _wrapped(text: str, head: str, width: int, hanging: int = 0) -> list[str]:
 def _summary(findings: Sequence[Finding]) -> str:
     problems = [finding for finding in findings if finding.severity is Severity.PROBLEM]
     if not problems:
-        return "All is well: what somebody wants can flow."
+        return "No problems found: every stream that is wanted can flow."
     number = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
     return printable(f"{number}; the first to solve: {problems[0].subject}: {problems[0].what}")

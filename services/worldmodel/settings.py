@@ -50,12 +50,16 @@ class WorldSettings(WorkerSettings, BusSettings):
     drift_deg: float = Field(
         default=1.0, gt=0, le=90, description="how far their headings are off, 1 standard deviation in degrees"
     )
-    refresh_s: float = Field(default=10.0, ge=1, le=3_600, description="how often seen objects are told again, at most")
-    nearby_m: float = Field(default=8.0, gt=0, le=1_000, description="how far objects are told to a robot")
-    nearby_s: float = Field(
-        default=600.0, gt=0, description="for how many seconds after they were seen objects are told to robots"
+    refresh_s: float = Field(
+        default=10.0, ge=1, le=3_600, description="least time between two updates about an object in view, in seconds"
     )
-    nearby_hz: float = Field(default=2.0, gt=0, le=20, description="how often they are told")
+    nearby_m: float = Field(
+        default=8.0, gt=0, le=1_000, description="radius around a robot in which objects are sent to it, in metres"
+    )
+    nearby_s: float = Field(
+        default=600.0, gt=0, description="seconds after its last sighting for which an object is sent to robots"
+    )
+    nearby_hz: float = Field(default=2.0, gt=0, le=20, description="updates a second that a robot gets, at most")
     most_objects: int = Field(default=100_000, ge=1, le=1_000_000, description="objects of a site, at most")
 
     @model_validator(mode="after")

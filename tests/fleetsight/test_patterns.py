@@ -35,9 +35,9 @@ def test_one_camera_is_named_in_full() -> None:
 
 @pytest.mark.parametrize("name", [None, 3, b"r1"])
 def test_what_is_no_text_is_no_name(name: str) -> None:
-    with pytest.raises(SettingsError, match=f"^robot pattern {name!r}: it is no text; give a str"):
+    with pytest.raises(SettingsError, match=f"^robot pattern {name!r}: not text; pass a str"):
         chunk("robot", name)
-    with pytest.raises(SettingsError, match=f"^robot name {name!r}: it is no text"):
+    with pytest.raises(SettingsError, match=f"^robot name {name!r}: not text"):
         one_camera(name, "front")
-    with pytest.raises(SettingsError, match=f"^camera name {name!r}: it is no text"):
+    with pytest.raises(SettingsError, match=f"^camera name {name!r}: not text"):
         one_camera("r1", name)

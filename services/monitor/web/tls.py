@@ -37,7 +37,7 @@ class PageTls:
                 await asyncio.to_thread(check_pair, *self._named_pair)
                 self._load()  # here, where connections begin: between certificate and key they would fail
             except (BusError, OSError) as error:
-                log.warning("%s; until that is mended, the page goes on with the certificate as it was", error)
+                log.warning("%s; the page uses the previous certificate until this is fixed", error)
             else:
                 log.info("the page's certificate has changed; new connections use it")
 

@@ -32,7 +32,7 @@ def test_text_is_sorted_by_stage_and_says_alike_things_once() -> None:
 
 
 def test_text_without_problems() -> None:
-    assert as_text(FINDINGS[:1], 80).endswith("\nAll is well: what somebody wants can flow.")
+    assert as_text(FINDINGS[:1], 80).endswith("\nNo problems found: every stream that is wanted can flow.")
 
 
 def test_several_problems_are_counted() -> None:
