@@ -3,6 +3,7 @@
 import colorsys
 import math
 import zlib
+from base64 import b64encode
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -97,19 +98,22 @@ def ground_of(
     bounds: Bounds,
     plan: tuple[FloorPlan, str] | None = None,
     *,
+    looks: FloorPlan | None = None,
     zones: Sequence[ZoneCount] = (),
     objects: Sequence[DrawnObject] = (),
     chosen: str = "",
 ) -> str:
     """Return the map without what moves all the time: floor plan, grid, zones, and the objects of a world model.
 
-    plan: what is under all of it, and where a browser finds its image. chosen: the id of an object to highlight.
+    plan: what is under all of it, and where a browser finds its image. looks: when the floor was looked at. chosen:
+    the id of an object to highlight.
     Names from the bus are escaped.
     """
     scale = _Scale.of(bounds)
     near = [each for each in objects if _is_near(each.of.at[0], each.of.at[1])]
     drawn = [
         *([] if plan is None else [_plan(*plan, scale)]),
+        *([] if looks is None else [_plan(looks, f"data:image/png;base64,{b64encode(looks.png).decode()}", scale)]),
         *_grid(scale),
         *(_zone(each, scale) for each in zones),
         *drawn_objects(near, scale.at, colour_of, chosen=chosen),

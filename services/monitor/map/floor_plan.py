@@ -1,4 +1,4 @@
-"""The warehouse's floor plan: reads it, and places it in the map as an image below everything else.
+"""Images of the floor in the map, below everything else: its plan, which is read, and when it was looked at.
 
 Source: http://wiki.ros.org/map_server#YAML_format
 """
@@ -16,6 +16,8 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, Field, FiniteFloat, ValidationError, model_validator
+
+from schemas.world import FloorLooks
 
 FREE, UNKNOWN, OCCUPIED = 0, 1, 2
 GREY: Final = (0x80, 0x86, 0x8E)
@@ -84,6 +86,32 @@ class FloorPlan:
         return hashlib.sha256(self.png).hexdigest()[:16]
 
 
+FLOOR_AGES_S: Final = {60: "a minute", 600: "10 minutes", 3_600: "an hour"}
+"""Ages up to which the floor has one shade, in seconds and in words: the darkest for the latest look."""
+
+BLUE: Final = (0x2F, 0x7F, 0xD0)
+LOOKED_AT: Final = bytes((0, 150, 100, 60, 30))
+"""Opacity of floor that was never looked at, within each of FLOOR_AGES_S, and longer ago."""
+
+NEVER: Final = 65_535
+"""Age of floor that was looked at longer ago than 18 hours, or never."""
+
+
+def shades_of(looks: FloorLooks) -> NDArray[np.uint8]:
+    """Return for each cell (rows x columns) the place of its age in FLOOR_AGES_S, from 1; 0 if never looked at."""
+    ages = np.frombuffer(looks.ages, "<u2").reshape(looks.rows, looks.columns)
+    shades = np.searchsorted(list(FLOOR_AGES_S), ages).astype(np.uint8) + np.uint8(1)
+    shades[ages == NEVER] = 0
+    return shades
+
+
+def looked_at(looks: FloorLooks) -> FloorPlan:
+    """Return an image of when the floor was looked at; clear where it never was."""
+    image = _png(np.ascontiguousarray(shades_of(looks)[::-1]), BLUE, LOOKED_AT)
+    size = looks.columns * looks.cell_m, looks.rows * looks.cell_m
+    return FloorPlan(image, *size, *looks.origin, yaw=0.0, corners=())
+
+
 def _coarser(cells: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
     """Return MOST_CELLS each way at most, occupied where they partly are, and how many times as wide each is.
 
@@ -105,11 +133,11 @@ def _known(cells: NDArray[np.uint8], resolution: float) -> Iterator[tuple[float,
             yield column * resolution, (len(cells) - row) * resolution
 
 
-def _png(cells: NDArray[np.uint8]) -> bytes:
+def _png(cells: NDArray[np.uint8], colour: tuple[int, int, int] = GREY, opacity: bytes = OPACITY) -> bytes:
     image = Image.frombytes("P", cells.shape[::-1], cells.tobytes())
-    image.putpalette(bytes(GREY) * len(OPACITY))
+    image.putpalette(bytes(colour) * len(opacity))
     file = io.BytesIO()
-    image.save(file, "PNG", transparency=OPACITY)
+    image.save(file, "PNG", transparency=opacity)
     return file.getvalue()
 
 

@@ -146,3 +146,12 @@ async def _ask(bus: Bus, site: str, question: WorldRequest, timeout_s: float = T
     key = world_key(site, WorldStream.OBJECTS)
     reply = await bus.request(key, codec.encode(question), encoding=encoding, timeout_s=timeout_s)
     return codec.decode(WorldAnswer, reply.payload, reply.encoding)
+
+
+async def ask_for_floor(bus: Bus, site: str) -> FloorLooks | None:
+    """Ask when the floor of a site was looked at; None if nobody answers."""
+    try:
+        reply = await bus.request(world_key(site, WorldStream.FLOOR), timeout_s=ONE_TIMEOUT_S)
+        return codec.decode(FloorLooks, reply.payload, reply.encoding)
+    except (RequestError, SchemaError):
+        return None

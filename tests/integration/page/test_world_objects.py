@@ -135,6 +135,22 @@ async def test_objects_are_drawn_at_their_size_once_and_lead_to_their_pages(site
         await expect(page.get_by_text(f"pallet {pallet.id}", exact=True)).to_be_visible()
 
 
+async def test_the_map_shows_when_the_floor_was_looked_at(site: Site, tmp_path: Path) -> None:
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/map")
+        await expect(page.locator(".fs-map .things polygon")).to_have_count(3)
+        layer = page.locator(".fs-map image")
+        await expect(layer).to_have_count(0)
+        await page.get_by_role("checkbox", name="When the floor was looked at").click()
+        await expect(layer).to_have_count(1)
+        await expect(page.get_by_text(re.compile("m² of floor that was looked at: .*within a minute"))).to_be_visible()
+        width, height = await layer.evaluate("image => [image.width.baseVal.value, image.height.baseVal.value]")
+        assert width > 0
+        assert height > 0
+        await page.get_by_role("checkbox", name="When the floor was looked at").click()
+        await expect(layer).to_have_count(0)
+
+
 async def test_an_object_has_a_page_with_its_facts_its_picture_and_what_became_of_it(
     site: Site, tmp_path: Path
 ) -> None:

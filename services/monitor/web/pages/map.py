@@ -22,7 +22,7 @@ from services.monitor.map.drawing import (
     metres_at,
     svg_of,
 )
-from services.monitor.map.floor_plan import FloorPlan
+from services.monitor.map.floor_plan import FloorPlan, looked_at
 from services.monitor.map.footprints import DrawnObject, footprint, newest_of
 from services.monitor.map.last_seen import LastPoses, MapObject
 from services.monitor.map.pose import DrawnRobot, Pose, Whereabouts
@@ -33,8 +33,18 @@ from services.monitor.web.pages.frame import nothing_yet, page_at, page_frame
 from services.monitor.web.pages.live_table import Choices
 from services.monitor.web.pages.picture_frame import VIEW_STYLE, PageVisibility
 from services.monitor.web.pages.rows.formatting import NS, plural
-from services.monitor.web.pages.rows.map import in_words, keys, object_keys, object_row, rest_row, row, zone_in_words
+from services.monitor.web.pages.rows.map import (
+    floor_in_words,
+    in_words,
+    keys,
+    object_keys,
+    object_row,
+    rest_row,
+    row,
+    zone_in_words,
+)
 from services.monitor.web.pages.zone_editor import ZoneEditor
+from services.monitor.world.following import ask_for_floor
 from services.monitor.world.shown_site import ShownSite, shown_site, site_names
 from services.monitor.world.site_objects import SITE, ZoneCount
 
@@ -59,6 +69,9 @@ REFRESH_S: Final = 1.0
 
 REDRAW_S: Final = 2.0
 """How often the objects of a site that change all the time are drawn again."""
+
+FLOOR_EVERY_S: Final = 10.0
+"""How often it is asked when the floor was looked at, while that is shown."""
 
 AGING_S: Final = 10
 """How often objects are drawn again because they are older by now."""
@@ -111,6 +124,8 @@ class _Map:
         self._next_s = 0.0
         self._shown = ShownSite()
         self._objects: tuple[list[DrawnObject], int] = [], 0
+        self._looks: FloorPlan | None = None
+        self._floor_site, self._floor_next_s = "", 0.0
         self._here: set[str] = set()
         self._known: set[str] = set()
         choices = Choices()
@@ -125,9 +140,13 @@ class _Map:
                     self._site = _select("Site", "", choices["site"], self._forget_bounds)
                     self._class = _select("Class", "All classes", choices["class"], self._forget_bounds)
                     self._robot = _select("Robot", "All robots", choices["robot"], self._forget_bounds)
+                    self._floor = ui.checkbox("When the floor was looked at", on_change=self._forget_floor).props(
+                        "dense"
+                    )
                 self._notice = ui.label().classes("fs-line fs-notice").props('role="status"')
                 self._sites = ui.label().classes("fs-line")
                 self._zones = ui.label().classes("fs-line")
+                self._floor_words = ui.label().classes("fs-line")
                 with ui.element("div").classes("fs-map") as self._picture:
                     self._ground = still("")
                     self._over = still("").classes("fs-over")
@@ -169,6 +188,10 @@ class _Map:
     def _forget_bounds(self) -> None:
         self._bounds = None
 
+    def _forget_floor(self) -> None:
+        self._looks, self._floor_next_s = None, 0.0
+        self._floor_words.set_text("")
+
     def _click(self, event: events.GenericEventArguments) -> None:
         if self._editor is not None and self._editor.is_drawing and self._bounds is not None:
             self._editor.add(metres_at(self._bounds, *map(float, event.args)))
@@ -195,6 +218,7 @@ class _Map:
         marks = [mark for mark in marks if self._class.value in ("", mark.name)]
         await self._take_objects(marks, now_ns)
         zones = [each for each in fleet.world.zones(fleet.sites, now_ns) if self._shown.name in ("", each.zone.site)]
+        await self._look_at_floor()
         self._bound(marks, robots, zones)
         if self._bounds is not None:
             await self._draw_ground(self._bounds, zones)
@@ -238,6 +262,19 @@ class _Map:
             known=self._shown.current,
         )
 
+    async def _look_at_floor(self) -> None:
+        """Ask when the floor of the site was looked at, while somebody wants to see it."""
+        self._floor.set_visibility(self._shown.objects is not None)
+        if self._shown.name != self._floor_site:
+            self._floor_site = self._shown.name
+            self._forget_floor()
+        if not self._floor.value or self._shown.objects is None or time.monotonic() < self._floor_next_s:
+            return
+        self._floor_next_s = time.monotonic() + FLOOR_EVERY_S
+        looks = await ask_for_floor(self._monitor.bus, self._shown.name)
+        self._looks = None if looks is None else await asyncio.to_thread(looked_at, looks)
+        self._floor_words.set_text(floor_in_words(looks))
+
     def _bound(self, marks: Sequence[MapObject], robots: Sequence[DrawnRobot], zones: Sequence[ZoneCount]) -> None:
         points = [*((mark.x, mark.y) for mark in marks), *((robot.pose.x, robot.pose.y) for robot in robots)]
         points += [corner for each in self._objects[0] for corner in footprint(each.of)]
@@ -250,12 +287,14 @@ class _Map:
         self._picture.set_visibility(self._bounds is not None)
 
     async def _draw_ground(self, bounds: Bounds, zones: Sequence[ZoneCount]) -> None:
-        drawn = (self._made, bounds, [(each.current, dict(each.objects)) for each in zones])
+        drawn = (self._made, bounds, [(each.current, dict(each.objects)) for each in zones], self._looks)
         if drawn == self._drawn:
             return
         self._drawn = drawn
         objects, chosen = self._objects[0], self._chosen
-        svg = await asyncio.to_thread(ground_of, bounds, self._plan, zones=zones, objects=objects, chosen=chosen)
+        svg = await asyncio.to_thread(
+            ground_of, bounds, self._plan, looks=self._looks, zones=zones, objects=objects, chosen=chosen
+        )
         self._ground.set_content(svg)
 
     def _explain(self, marks: Sequence[MapObject], now_ns: int) -> None:

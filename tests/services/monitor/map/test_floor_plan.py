@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from schemas.world import FloorLooks
 from services.monitor.map import floor_plan
-from services.monitor.map.floor_plan import MOST_CELLS, FloorPlanError, load_floor_plan
+from services.monitor.map.floor_plan import LOOKED_AT, MOST_CELLS, FloorPlanError, load_floor_plan, looked_at
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
 SAID = {"image": "map.pgm", "resolution": "0.5", "origin": "[-3.0, 2.0, 0.0]", "negate": "0"}
@@ -142,3 +143,17 @@ def test_what_is_no_map_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "use 8 bits" in refusal(written(tmp_path, np.zeros((2, 2), np.uint16), image="deep.png"))
     monkeypatch.setattr(floor_plan, "MAX_PIXELS", 29)
     assert refusal(written(tmp_path)) == "map.pgm: 6 x 5 pixels: at most 29 are drawn"
+
+
+def test_floor_is_the_darker_the_later_it_was_looked_at_and_clear_where_it_never_was() -> None:
+    ages = np.array([[0, 60, 61], [600, 3_600, 3_601], [65_534, 65_535, 65_535]], "<u2")
+    looks = FloorLooks(
+        site="main", now_ns=1, origin=(-2.0, 5.0), cell_m=0.5, columns=3, rows=3, ages=memoryview(ages.tobytes())
+    )
+    drawn = looked_at(looks)
+    assert (drawn.width, drawn.height, drawn.x, drawn.y, drawn.yaw) == (1.5, 1.5, -2.0, 5.0, 0.0)
+    with Image.open(io.BytesIO(drawn.png)) as image:
+        opacity = np.asarray(image.convert("RGBA"))[::-1, :, 3]  # rows from below, as the map has them
+    steps = LOOKED_AT[1:]
+    assert opacity.tolist() == [[steps[0], steps[0], steps[1]], [steps[1], steps[2], steps[3]], [steps[3], 0, 0]]
+    assert sorted(steps, reverse=True) == list(steps)

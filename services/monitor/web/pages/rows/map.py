@@ -4,8 +4,9 @@ from collections import Counter
 from collections.abc import Sequence
 from html import escape
 
-from schemas.world import SiteStatus
+from schemas.world import FloorLooks, SiteStatus
 from services.monitor.map.drawing import STALE, colour_of, is_fresh
+from services.monitor.map.floor_plan import FLOOR_AGES_S, shades_of
 from services.monitor.map.footprints import AGES_S, DrawnObject, address_of
 from services.monitor.map.last_seen import MapObject
 from services.monitor.map.sites import totals
@@ -50,6 +51,20 @@ def zone_in_words(counted: ZoneCount) -> str:
     zone = counted.zone
     known = totals(counted.objects) if counted.current else f"not known, as no world model tells of site {zone.site}"
     return f"Zone {zone.name}: {known}"
+
+
+def floor_in_words(looks: FloorLooks | None) -> str:
+    """Return which shares of the floor were looked at how long ago, or that it is not known."""
+    if looks is None:
+        return "When the floor was looked at is not known: no world model answers."
+    seen = Counter(shades_of(looks).ravel().tolist())
+    total = sum(count for shade, count in seen.items() if shade)
+    if not total:
+        return "The floor was not looked at yet."
+    ages = [f"within {words}" for words in FLOOR_AGES_S.values()] + ["longer ago"]
+    told = [f"{seen[shade] / total:.0%} {age}" for shade, age in enumerate(ages, start=1) if seen[shade]]
+    area = total * looks.cell_m**2
+    return f"Of {area:,.0f} m² of floor that was looked at: {', '.join(told)}. The darker, the later."
 
 
 def keys(marks: Sequence[MapObject], now_ns: int) -> str:

@@ -3,14 +3,16 @@
 from dataclasses import replace
 
 import httpx
+import numpy as np
 from starlette.applications import Starlette
 
+from schemas.world import FloorLooks
 from services.monitor.liveness import OBJECT_FRESH_NS
 from services.monitor.map.drawing import STALE, colour_of
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import MapObject
 from services.monitor.web.pages.map import floor_plan_route, url_of
-from services.monitor.web.pages.rows.map import keys, row, zone_in_words
+from services.monitor.web.pages.rows.map import floor_in_words, keys, row, zone_in_words
 from services.monitor.world.site_objects import ZoneCount
 from services.monitor.world.zones import Zone
 
@@ -62,3 +64,16 @@ async def test_its_image_is_fetched_once_and_another_one_has_another_name() -> N
         assert "immutable" in answer.headers["cache-control"]
         other = await client.get(url_of(replace(PLAN, png=b"other")))
         assert other.status_code == 404
+
+
+def test_how_long_ago_the_floor_was_looked_at_is_said_in_words() -> None:
+    def looks(*ages: int) -> FloorLooks:
+        told = memoryview(np.array(ages, "<u2").tobytes())
+        return FloorLooks(site="main", now_ns=1, origin=(0.0, 0.0), cell_m=2.0, columns=len(ages), rows=1, ages=told)
+
+    assert floor_in_words(looks(5, 20, 61, 65_534, 65_535)) == (
+        "Of 16 m² of floor that was looked at: 50% within a minute, 25% within 10 minutes, 25% longer ago."
+        " The darker, the later."
+    )
+    assert "not looked at yet" in floor_in_words(looks(65_535))
+    assert "not known" in floor_in_words(None)
