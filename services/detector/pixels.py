@@ -63,7 +63,7 @@ def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
     return np.asarray(cv2.cvtColor(pixels, code), np.uint8)
 
 
-def glance(frame: ImageFrame, width: int) -> NDArray[np.uint8]:
+def small_grey_image(frame: ImageFrame, width: int) -> NDArray[np.uint8]:
     """Return an image in grey, no wider than `width` pixels, as height x width; see `to_bgr`."""
     if frame.format == JPEG and frame.encoding in _COLOURS:
         return _shrunk(_jpeg(frame, "GRAY", min_width=min(width, frame.width)), width)

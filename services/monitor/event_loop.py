@@ -67,7 +67,7 @@ async def in_daemon_thread(act: Callable[[], object]) -> None:
         with contextlib.suppress(RuntimeError):  # the loop is closed
             loop.call_soon_threadsafe(settle, failed)
 
-    threading.Thread(target=run, name="aside", daemon=True).start()
+    threading.Thread(target=run, name="blocking-call", daemon=True).start()
     await done
 
 
