@@ -76,14 +76,14 @@ LEAST: Final = 100
 GROWTH: Final = 1.125
 """By how much there is more when what is new is left out too: until then collections look at it."""
 
-YOUNG: Final = 1_500
+GC_GEN0_THRESHOLD: Final = 1_500
 """How many new objects are looked at, at once: a millisecond or two."""
 
-MIDDLE: Final = 1
+GC_GEN1_THRESHOLD: Final = 1
 """How many times that until those that stayed are looked at with them."""
 
-NEVER: Final = 1_000_000_000
-FULL_AFTER: Final = 50
+GC_GEN2_DISABLED: Final = 1_000_000_000
+FULL_GC_AFTER: Final = 50
 """After how many of those what is old is looked at: a tenth of a second, after more than a hundred pages."""
 
 
@@ -94,7 +94,7 @@ async def keep_collections_short(size: Callable[[], int], *, period_s: float = P
     doubling alone, so that little garbage is left out too.
     """
     usual = gc.get_threshold()
-    gc.set_threshold(YOUNG, MIDDLE, NEVER)
+    gc.set_threshold(GC_GEN0_THRESHOLD, GC_GEN1_THRESHOLD, GC_GEN2_DISABLED)
     looked_at = left_out = 0.0
     try:
         while True:
@@ -104,7 +104,7 @@ async def keep_collections_short(size: Callable[[], int], *, period_s: float = P
                 gc.unfreeze()
                 looked_at = found
             elif found < GROWTH * left_out:
-                if gc.get_count()[2] >= FULL_AFTER:
+                if gc.get_count()[2] >= FULL_GC_AFTER:
                     gc.collect()
                 continue
             gc.collect()
