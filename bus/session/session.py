@@ -24,13 +24,13 @@ from bus.session.changed_files import LOOKED_AT_S, ChangedFiles
 from bus.session.config import session_config
 from bus.session.declaration import Declaration, close_session, endpoint_names, reason_of, take_back
 from bus.session.job_thread import JobThread
-from bus.session.known_keys import Numbers
+from bus.session.known_keys import KeyNumbers
 from bus.session.link_use import LinkUse
 from bus.session.links import why_unreached
 from bus.session.listening_client import LostLink, open_listening_client
 from bus.session.panics import panics_are_errors
 from bus.session.session_links import SessionLinks
-from bus.session.tcp_options import Tuning
+from bus.session.tcp_options import TcpTuning
 from bus.session.timing import POLL_S, REOPEN_PAUSE_S, RETRY_S, SETTLING_S, SHORT_SESSION_S
 from bus.settings import BusSettings
 
@@ -70,7 +70,7 @@ class SessionThread:
         self._settings = settings
         self._config = partial(session_config, settings, most_links, prefix=prefix)
         self._kept: dict[Declaration, None] = {}
-        self._numbers = Numbers()
+        self._numbers = KeyNumbers()
         self._session: zenoh.Session | None = None
         self._turn = NEVER  # callbacks compare it: a session they would release at any time (see REOPEN_PAUSE_S)
         self._links = SessionLinks(settings, most_links)
@@ -89,7 +89,7 @@ class SessionThread:
         jobs = JobThread("bus-session", self._due, self._do_what_is_due)
         self.submit, self.do = jobs.submit, jobs.do
         self._jobs = jobs
-        self._tuning = Tuning(self.do)
+        self._tuning = TcpTuning(self.do)
 
     @property
     def is_open(self) -> bool:

@@ -9,7 +9,7 @@ from backports import zstd
 from numpy.typing import NDArray
 
 from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, ImageFrame
-from services.detector.pixels import PictureError, shows_colours, small_grey_image, to_bgr
+from services.detector.pixels import ImageDecodeError, shows_colours, small_grey_image, to_bgr
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
 
@@ -196,7 +196,7 @@ def test_a_glance_at_a_flat_picture_has_a_row_at_least(size: tuple[int, int], sm
 
 
 def test_a_damaged_jpeg_is_none_at_a_glance_either() -> None:
-    with pytest.raises(PictureError, match="a jpeg that cannot be decoded"):
+    with pytest.raises(ImageDecodeError, match="a jpeg that cannot be decoded"):
         small_grey_image(compressed(file_of(scene(), ".jpeg")[:200], "rgb8", 192, kind="jpeg", height=48, width=64), 8)
 
 
@@ -229,7 +229,7 @@ def test_files_that_some_cameras_write_are_read_all_the_same(warning: str, capfd
     assert seen.shape == wanted.shape == (6, 8)
     assert np.abs(seen - wanted).mean() < 2
     for cut in (odd[:-60], odd[: len(odd) * 3 // 4]):
-        with pytest.raises(PictureError, match="a jpeg that cannot be decoded: "):
+        with pytest.raises(ImageDecodeError, match="a jpeg that cannot be decoded: "):
             to_bgr(jpeg(cut))
     assert capfd.readouterr() == ("", "")
 
@@ -242,7 +242,7 @@ def test_a_damaged_jpeg_is_no_half_grey_picture_and_writes_nothing_to_stderr(cap
         file[:middle],
         file[:middle] + b"\xff\x01" + file[middle:],
     ):
-        with pytest.raises(PictureError, match="a jpeg that cannot be decoded: "):
+        with pytest.raises(ImageDecodeError, match="a jpeg that cannot be decoded: "):
             to_bgr(jpeg(damaged))
     assert capfd.readouterr() == ("", "")
 
@@ -250,7 +250,7 @@ def test_a_damaged_jpeg_is_no_half_grey_picture_and_writes_nothing_to_stderr(cap
 @pytest.mark.parametrize("size", [45, 60])
 def test_a_damaged_file_is_said_to_be_one(size: int) -> None:
     data = file_of(scene(), ".png")[:size]
-    with pytest.raises(PictureError, match="a png that cannot be decoded"):
+    with pytest.raises(ImageDecodeError, match="a png that cannot be decoded"):
         to_bgr(compressed(data, "rgb8", 192, height=48, width=64))
 
 
@@ -275,7 +275,7 @@ def test_damaged_zstd_data_is_said_to_be_that_and_never_grows_beyond_the_frame()
     whole = frame("bgr8", BGR)
     good = zstd.compress(whole.data)
     for bad in (good[:-1], good + zstd.compress(bytes(9)), good + b"x", forged(whole.data.nbytes)):
-        with pytest.raises(PictureError, match="a zstd that cannot be decoded"):
+        with pytest.raises(ImageDecodeError, match="a zstd that cannot be decoded"):
             to_bgr(zipped(whole, bad))
 
 
