@@ -90,8 +90,7 @@ FULL_GC_AFTER: Final = 50
 async def keep_collections_short(size: Callable[[], int], *, period_s: float = PERIOD_S) -> None:
     """Exclude long-lived objects from garbage collections, until cancelled. size: their number, in any unit.
 
-    What is new is left out once in a while as there comes more. What was left out is looked at again after each
-    doubling alone, so that little garbage is left out too.
+    New objects are frozen now and then as their number grows; frozen ones are examined again only when it has doubled.
     """
     usual = gc.get_threshold()
     gc.set_threshold(GC_GEN0_THRESHOLD, GC_GEN1_THRESHOLD, GC_GEN2_DISABLED)
