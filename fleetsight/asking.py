@@ -19,10 +19,10 @@ GATHER_S: Final = 0.2
 
 BUSY: Final = "busy:"
 
-AGAIN_S: Final = (0.2, 0.8)
+BUSY_RETRY_S: Final = (0.2, 0.8)
 """How long workers that are all busy are left alone before they are asked again, by lot."""
 
-LITTLE_S: Final = 1.0
+MIN_TELLING_WAIT_S: Final = 1.0
 """Silence for less time than this says nothing of the worker that was asked."""
 
 
@@ -52,14 +52,14 @@ async def ask_detectors(
             try:
                 reply = await bus.request(worker_keys.infer(worker), image, timeout_s=left_s)
             except RequestError as error:
-                reason = _telling(reason, error, worker, left_s)
+                reason = _more_informative(reason, error, worker, left_s)
                 if isinstance(error, NotServedError):
                     workers.remove(worker)
                 elif BUSY not in str(error):
                     raise reason from error
             else:
                 return codec.decode(Detections, reply.payload, reply.encoding)
-        await asyncio.sleep(random.uniform(*AGAIN_S))  # noqa: S311 - no secret
+        await asyncio.sleep(random.uniform(*BUSY_RETRY_S))  # noqa: S311 - no secret
     raise reason
 
 
@@ -97,13 +97,13 @@ def _unanswered(bus: Bus, timeout_s: float, *, seen: bool) -> RequestError:
     return NotServedError(f"{nobody}: {bus.link_problem}" if bus.link_problem else nobody)
 
 
-def _telling(before: RequestError, error: RequestError, worker: str, left_s: float) -> RequestError:
+def _more_informative(before: RequestError, error: RequestError, worker: str, left_s: float) -> RequestError:
     """Return the reason that says more. error: what came of asking a worker while `left_s` were left.
 
     A worker that was busy and is now gone, or is silent for the little time that is left, said more before.
     """
     gone = isinstance(error, NotServedError) and isinstance(before, RefusedError)
-    hurried = isinstance(error, RequestTimeoutError) and left_s < LITTLE_S
+    hurried = isinstance(error, RequestTimeoutError) and left_s < MIN_TELLING_WAIT_S
     return before if gone or hurried else type(error)(f"worker {worker}: {error}")
 
 
@@ -112,7 +112,7 @@ async def _workers(bus: Bus, until_s: float) -> list[str]:
     seen: set[str] = set()
     try:
         async with asyncio.timeout_at(until_s) as limit:
-            async for worker in _appearing(bus):
+            async for worker in _new_workers(bus):
                 if not seen:
                     limit.reschedule(min(until_s, asyncio.get_running_loop().time() + GATHER_S))
                 seen.add(worker)
@@ -121,7 +121,7 @@ async def _workers(bus: Bus, until_s: float) -> list[str]:
     return sorted(seen)
 
 
-async def _appearing(bus: Bus) -> AsyncIterator[str]:
+async def _new_workers(bus: Bus) -> AsyncIterator[str]:
     async with bus.watch(worker_keys.every_worker_alive(worker_keys.DETECTOR)) as watch:
         async for presence in watch:
             with suppress(SchemaError):

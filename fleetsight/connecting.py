@@ -14,7 +14,7 @@ from fleetsight.fleet import Fleet
 from fleetsight.settings import settings_of
 from fleetsight.streams import Iterations
 
-LOOK_S: Final = 0.02
+LINK_POLL_S: Final = 0.02
 """How often it is looked whether there is a link."""
 
 
@@ -79,7 +79,7 @@ async def _linked(bus: Bus, settings: BusSettings, within_s: float) -> None:
     try:
         async with asyncio.timeout(within_s):
             while bus.link_problem:  # noqa: ASYNC110 - nobody tells
-                await asyncio.sleep(LOOK_S)
+                await asyncio.sleep(LINK_POLL_S)
     except TimeoutError as error:
         why = await asyncio.to_thread(why_unreached, settings.connect)
         cure = "start `fleetsight monitor` there, or name another endpoint"

@@ -10,7 +10,7 @@ from bus import LATEST, Bus, BusClosedError, Sample
 from bus.clocks import clock_id
 from bus.delivery.inbox import Inbox
 from bus.delivery.mailbox import PerKey
-from bus.demand import while_wanted
+from bus.demand import SharedDemand, while_wanted
 from bus.reporting import VERSION, report
 from bus.sharing import Sharing, SharingSettings
 from bus.sharing.rate_request import RateRequest
@@ -99,15 +99,16 @@ class OwnModel:
             raise
 
     async def _serve(self, camera: CameraKey, took_over: Callable[[], None]) -> None:
+        demand = SharedDemand()
         with self._tallies.serving(camera) as tally:
             async with (
-                publishing(self._bus, self._iterations, camera, opinion=self._opinion) as results,
+                publishing(self._bus, self._iterations, camera, opinion=self._opinion, demand=demand) as results,
                 asyncio.TaskGroup() as group,
             ):
                 self._served[str(camera)] = (results, tally, took_over)
-                group.create_task(say_unwanted(results.demand, took_over))
+                group.create_task(say_unwanted(demand, took_over))
                 try:
-                    await while_wanted(results.demand, lambda: self._receive(camera, tally.dropped))
+                    await while_wanted(demand, lambda: self._receive(camera, tally.dropped))
                 finally:
                     del self._served[str(camera)]
 

@@ -42,7 +42,7 @@ class Results:
         ended: asyncio.Future[None],
     ) -> None:
         self.camera = camera
-        self.demand = demand
+        self._demand = demand
         self._classes = classes
         self._detections = detections
         self._ended = ended
@@ -50,7 +50,7 @@ class Results:
     @property
     def wanted(self) -> bool:
         """Whether somebody, anywhere, wants what is found in this camera's images; False once the context has ended."""
-        return self.demand.wanted and not self._ended.done()
+        return self._demand.wanted and not self._ended.done()
 
     async def until_wanted(self) -> None:
         """Wait until somebody wants what is found; see `publish`.
@@ -67,7 +67,7 @@ class Results:
         await self._until(wanted=False)
 
     async def _until(self, *, wanted: bool) -> None:
-        waiting = asyncio.ensure_future(self.demand.until(wanted=wanted))
+        waiting = asyncio.ensure_future(self._demand.until(wanted=wanted))
         try:
             await asyncio.wait({waiting, self._ended}, return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -124,13 +124,18 @@ def _encoded(schema: type[M], message: M) -> tuple[bytes, M]:
 
 @asynccontextmanager
 async def publishing(
-    bus: Bus, iterations: Iterations, camera: CameraKey, *, opinion: bool = False
+    bus: Bus,
+    iterations: Iterations,
+    camera: CameraKey,
+    *,
+    opinion: bool = False,
+    demand: SharedDemand | None = None,
 ) -> AsyncIterator[Results]:
     """Publish a camera's results for as long as the context lasts.
 
-    opinion: publish class lists alone, as a second opinion, which does not count.
+    opinion: publish class lists alone, as a second opinion, which does not count. demand: set by whoever wants them.
     """
-    demand = SharedDemand()
+    demand = SharedDemand() if demand is None else demand
     lists = Stream.OPINION if opinion else Stream.CLASSES
     encodings = {lists: codec.encoding(ClassList), Stream.DETECTIONS: codec.encoding(Detections)}
 

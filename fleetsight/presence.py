@@ -15,7 +15,7 @@ from schemas.errors import SchemaError
 SETTLE_S: Final = 0.5
 """After so long without news all of them are known."""
 
-WITHIN_S: Final = 5.0
+PRESENT_TIMEOUT_S: Final = 5.0
 """So long at most for all to be known, where some come and go all the time."""
 
 T = TypeVar("T")
@@ -83,7 +83,7 @@ class Roster(Generic[T]):
 
     async def _iterate(self) -> AsyncGenerator[Change[T], None]:
         tokens: dict[T, set[str]] = {}  # a worker that is for several robots has one for each
-        with self._iterations.lasting():
+        with self._iterations.running():
             try:
                 async with self._watch() as watch:
                     async for presence in watch:
@@ -108,7 +108,7 @@ class Roster(Generic[T]):
     def _left(self) -> ClosedError:
         return ClosedError(f"{self._what}: the fleet was left before; ask within `async with`")
 
-    async def present(self, *, settle_s: float = SETTLE_S, within_s: float = WITHIN_S) -> frozenset[T]:
+    async def present(self, *, settle_s: float = SETTLE_S, within_s: float = PRESENT_TIMEOUT_S) -> frozenset[T]:
         """Return those that are there now: all that were heard of until nothing new came for `settle_s` seconds.
 
         Where somebody comes or goes all the time, those that are there after `within_s` seconds.

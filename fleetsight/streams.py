@@ -13,7 +13,7 @@ from schemas import codec
 from schemas.codec import M
 from schemas.errors import SchemaError
 
-PATIENCE_S: Final = 2.0
+CLOSE_TIMEOUT_S: Final = 2.0
 """How long it is waited for iterations that others are ending."""
 
 T = TypeVar("T")
@@ -33,7 +33,7 @@ class Iterations:
         return generator
 
     @contextmanager
-    def lasting(self) -> Iterator[None]:
+    def running(self) -> Iterator[None]:
         """Say from within an iteration that it has begun, until it ends."""
         ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._unended.add(ended)
@@ -65,7 +65,7 @@ class Iterations:
     async def ended(self) -> None:
         """Wait until all have ended, once nothing more comes."""
         if self._unended:
-            await asyncio.wait(self._unended, timeout=PATIENCE_S)
+            await asyncio.wait(self._unended, timeout=CLOSE_TIMEOUT_S)
 
 
 def _finish(future: asyncio.Future[None]) -> None:
@@ -147,7 +147,7 @@ class Stream(Generic[M]):
         return self._iterations.add(self._iterate())
 
     async def _iterate(self) -> AsyncGenerator[M, None]:
-        with self._iterations.lasting():
+        with self._iterations.running():
             try:
                 async with self._subscribe() as subscription, aclosing(self._taken(subscription)) as messages:
                     async for message in messages:

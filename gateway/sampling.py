@@ -15,7 +15,7 @@ from gateway.to_bus.translators.pixel_encoding import CLOUDS, IMAGES, UNKNOWN, e
 
 log = logging.getLogger(__name__)
 
-PATIENCE_S: Final = 2.0
+SAMPLE_TIMEOUT_S: Final = 2.0
 """Longest wait for a silent topic; then others no longer wait for it."""
 
 MAX_AT_ONCE: Final = 64
@@ -36,7 +36,7 @@ class Sampler:
         group: asyncio.TaskGroup,
         topics: Subscriptions,
         changed: Callable[[], Coroutine[Any, Any, None]],
-        patience_s: float = PATIENCE_S,
+        patience_s: float = SAMPLE_TIMEOUT_S,
     ) -> None:
         self._group = group
         self._topics = topics

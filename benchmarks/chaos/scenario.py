@@ -24,7 +24,7 @@ RESULTS: Final = (of.LISTS, of.DISTANCES, of.CLOUDS, of.WORLD)
 STORE: Final = "store"
 MONITOR: Final = "monitor"
 LOOK_S: Final = 0.1
-PATIENCE_S: Final = 60.0
+TIMEOUT_S: Final = 60.0
 DRAIN_S: Final = 8.0
 """Time after the recovery in which lists may still come to the store; more are lost."""
 
@@ -67,7 +67,7 @@ class Scenario:
             PeerError: it is not.
         """
         if await self._well(self._system.now_ns(), time.monotonic()) is None:
-            raise PeerError(f"the fleet is not well after {PATIENCE_S:g} s: {self._ill}; {self._system.last_words()}")
+            raise PeerError(f"the fleet is not well after {TIMEOUT_S:g} s: {self._ill}; {self._system.last_words()}")
 
     async def suffer(self, fault: Fault) -> dict[str, Any]:
         """Have one fault; return what is printed of it.
@@ -166,7 +166,7 @@ class Scenario:
     async def _well(self, since_ns: int, since_s: float) -> dict[str, float] | None:
         """Wait until the fleet has results of frames since a time; return after how many seconds each part has.
 
-        None if that takes longer than PATIENCE_S.
+        None if that takes longer than TIMEOUT_S.
         """
         times: dict[str, float] = {}
         self._observer.seen.newest_ns.clear()
@@ -178,7 +178,7 @@ class Scenario:
                 if part not in times and await self._has(part, since_ns, published):
                     times[part] = round(time.monotonic() - since_s, 2)
             self._ill = [part for part in parts if part not in times]
-            if time.monotonic() > since_s + PATIENCE_S:
+            if time.monotonic() > since_s + TIMEOUT_S:
                 return None
             await asyncio.sleep(LOOK_S)
         return times

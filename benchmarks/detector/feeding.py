@@ -22,7 +22,7 @@ Pictures = Sequence[NDArray[np.uint8]]
 """Height x width x 3 in BGR."""
 
 CAMERAS: Final = 4
-PATIENCE_S: Final = 300.0
+TIMEOUT_S: Final = 300.0
 LOST_S: Final = 2.0
 
 
@@ -95,7 +95,7 @@ async def frames(bus: Bus, pictures: Pictures, *, seconds: float = 0, frames: in
 
 
 async def _wanted(sources: dict[str, Camera]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
+    async with asyncio.timeout(TIMEOUT_S):
         while not all(camera.publisher.wanted for camera in sources.values()):  # noqa: ASYNC110 - nobody tells
             await asyncio.sleep(0.01)
 

@@ -35,7 +35,7 @@ IN_A_ROW: Final = 25
 SETTLED_S: Final = 2.0
 """By then a list has arrived, or is lost."""
 
-PATIENCE_S: Final = 30.0
+TIMEOUT_S: Final = 30.0
 """For what takes a moment on a machine that does nothing else."""
 
 ARRIVING: Final = 1_000
@@ -98,9 +98,9 @@ class Scenario:
         for known in [*range(ARRIVING, number, ARRIVING), number]:
             for publisher in self._publishers:
                 publisher.tell(f"robots {known // len(self._publishers)}")
-            await self._answers(2 * PATIENCE_S)
+            await self._answers(2 * TIMEOUT_S)
             await asyncio.sleep(SETTLED_S)
-            until_s = time.monotonic() + 2 * PATIENCE_S
+            until_s = time.monotonic() + 2 * TIMEOUT_S
             while (flow := await self.send(1.0, 2.0)).lost:
                 if time.monotonic() > until_s:
                     raise PeerError(f"of {known} robots' lists {flow.lost} are lost: {self.monitor.last_words()}")
@@ -119,7 +119,7 @@ class Scenario:
             if watched:
                 group.create_task(self._look(latencies, ended))
                 group.create_task(self._visit(pages, ended))
-            answers = await self._answers(seconds + PATIENCE_S)
+            answers = await self._answers(seconds + TIMEOUT_S)
             took_s = time.monotonic() - began_s
             cpu_share = (self.monitor.cpu_s() - cpu_s) / took_s
             ended.set()
@@ -175,7 +175,7 @@ class Scenario:
     async def _inventory(self, robot: str) -> InventoryAnswer:
         request = codec.encode(InventoryRequest(robot=robot, in_view=False))
         encoding = codec.encoding(InventoryRequest)
-        until_s = time.monotonic() + PATIENCE_S
+        until_s = time.monotonic() + TIMEOUT_S
         while True:  # the bus drops requests rather than wait for a link
             try:
                 reply = await self._bus.request(keys.INVENTORY, request, encoding=encoding, timeout_s=ASK_S)
@@ -201,7 +201,7 @@ async def scenario(folder: Path, robots: int, sessions: int, *, apart: bool) -> 
     where = ["--mode", "client", "--connect", router] if apart else ["--listen", router]
     command = ["monitor", *where, "--web-port", str(port)]
     web = httpx.AsyncClient(
-        base_url=f"http://127.0.0.1:{port}", headers={"Authorization": f"Bearer {token}"}, timeout=PATIENCE_S
+        base_url=f"http://127.0.0.1:{port}", headers={"Authorization": f"Bearer {token}"}, timeout=TIMEOUT_S
     )
     with ExitStack() as stack:
         if apart:

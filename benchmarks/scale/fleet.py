@@ -25,7 +25,7 @@ DOWN_S: Final = 3.0
 QUIET_S: Final = 2.0
 """By then all that a joining robot sends and is sent has crossed its link."""
 
-PATIENCE_S: Final = 240.0
+TIMEOUT_S: Final = 240.0
 RESTART_LIMIT_S: Final = 60.0
 STEP_S: Final = 0.1
 TOKENS: Final = len(STREAMS) + 1
@@ -61,7 +61,7 @@ class Fleet:
 
     async def ready(self) -> None:
         """Wait for the router and the client's link to it."""
-        await asyncio.to_thread(self._router.answer, PATIENCE_S)
+        await asyncio.to_thread(self._router.answer, TIMEOUT_S)
         await self._until(lambda: not self._bus.link_problem)
         self._empty_kb = self._router.rss_bytes() / 1e3
 
@@ -124,7 +124,7 @@ class Fleet:
         return len(self._present) >= self._robots * TOKENS
 
     async def _check(self, began_s: float) -> None:
-        if time.monotonic() > began_s + PATIENCE_S:
+        if time.monotonic() > began_s + TIMEOUT_S:
             raise PeerError(f"{len(self._present)} of {self._robots * TOKENS} tokens: {self._router.last_words()}")
         await asyncio.sleep(STEP_S)
 
@@ -136,7 +136,7 @@ class Fleet:
 
 def _ask(peer: Process, what: str) -> dict[str, Any]:
     peer.tell(what)
-    return peer.answer(PATIENCE_S)
+    return peer.answer(TIMEOUT_S)
 
 
 @asynccontextmanager

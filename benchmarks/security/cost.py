@@ -18,7 +18,7 @@ ROBOTS: Final = 1_000
 JOINS: Final = 15
 KEY: Final = "fleet/r1/front/classes"
 PAYLOAD: Final = b"x" * 300
-PATIENCE_S: Final = 60.0
+TIMEOUT_S: Final = 60.0
 
 
 def cost_of_rules(folder: Path) -> dict[str, Any]:
@@ -75,7 +75,7 @@ def _joining_ms(folder: Path, watcher: zenoh.Session, endpoint: str) -> float:
     try:
         began_s = time.perf_counter()
         with member(folder, "r1", endpoint) as session, session.liveliness().declare_token(keys.robot_alive("r1")):
-            if not seen.wait(PATIENCE_S):
+            if not seen.wait(TIMEOUT_S):
                 raise TimeoutError("a robot that joined was not seen")
             return (time.perf_counter() - began_s) * 1e3
     finally:
@@ -98,7 +98,7 @@ def _us_per_message(sender: zenoh.Session, receiver: zenoh.Session) -> float:
         began_s = time.perf_counter()
         for _ in range(MESSAGES):
             publisher.put(PAYLOAD)
-        if not done.wait(PATIENCE_S):
+        if not done.wait(TIMEOUT_S):
             raise TimeoutError(f"{left[0]} of {MESSAGES} messages did not arrive")
         return (time.perf_counter() - began_s) / MESSAGES * 1e6
     finally:

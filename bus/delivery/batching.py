@@ -16,7 +16,7 @@ from zenoh.handlers import Callback, FifoChannel
 from bus.errors import BusError
 from bus.session.panics import panics_are_errors
 
-ROOM: Final = 2_048
+CHANNEL_SAMPLES: Final = 2_048
 """Capacity of the channel, in samples; when it is full, the link waits.
 
 A sample holds the whole batch that it came in until it is fetched, 64 KiB: with eight times the room, small messages of
@@ -28,12 +28,12 @@ SAMPLE_ROOM_BYTES: Final = 512 << 10
 
 LEAST_ROOM: Final = 256
 
-AT_ONCE: Final = 1_000
+MAX_BATCH_SAMPLES: Final = 1_000
 
 BYTES_AT_ONCE: Final = 8 << 20
 """Most bytes of payloads in a batch, but for its last sample."""
 
-TOGETHER: Final = 100
+GOOD_BATCH_SAMPLES: Final = 100
 """Size of a batch that is worth waiting for: larger batches cost less per sample."""
 
 SHORTEST_S: Final = 0.005
@@ -66,7 +66,7 @@ def taking(
     """
     declared = ExitStack()
     if together:
-        room = min(ROOM, max(LEAST_ROOM, most_bytes // SAMPLE_ROOM_BYTES))
+        room = min(CHANNEL_SAMPLES, max(LEAST_ROOM, most_bytes // SAMPLE_ROOM_BYTES))
         subscriber = declare(FifoChannel(room))
         declared.callback(Gathering(subscriber.handler, deliver, room).join, STOP_GRACE_S)
         _OPEN.add(declared)
@@ -94,7 +94,7 @@ class Gathering:
         self,
         channel: Any,
         deliver: Callable[[Sequence[zenoh.Sample]], None],
-        room: int = ROOM,
+        room: int = CHANNEL_SAMPLES,
         size: Callable[[Any], int] = lambda sample: len(sample.payload),
     ) -> None:
         self._channel = channel
@@ -136,7 +136,7 @@ class Gathering:
             while sample is not None:
                 batch.append(sample)
                 left -= self._size(sample)
-                sample = self._channel.try_recv() if len(batch) < AT_ONCE and left > 0 else None
+                sample = self._channel.try_recv() if len(batch) < MAX_BATCH_SAMPLES and left > 0 else None
         except zenoh.ZError:  # the channel is closed
             pass
         self._is_behind = left <= 0 or len(batch) >= self._room
@@ -144,5 +144,5 @@ class Gathering:
 
 
 def next_wait_s(before_s: float, number: int) -> float:
-    """Return the seconds to wait for about TOGETHER samples, after `number` came in about `before_s`."""
-    return min(LONGEST_S, max(SHORTEST_S, before_s * TOGETHER / number))
+    """Return the seconds to wait for about GOOD_BATCH_SAMPLES samples, after `number` came in about `before_s`."""
+    return min(LONGEST_S, max(SHORTEST_S, before_s * GOOD_BATCH_SAMPLES / number))

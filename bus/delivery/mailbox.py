@@ -47,7 +47,7 @@ class _Slot(Generic[T]):
 class PerKey(Generic[K, T]):
     """Keep the `depth` newest items of each key; the key served longest ago is next.
 
-    What has no room within `most_bytes` beside that of other keys is dropped. size: the bytes of an item.
+    Items without room within `most_bytes` are dropped. size: the bytes of an item.
     """
 
     def __init__(

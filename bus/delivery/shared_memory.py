@@ -17,7 +17,7 @@ from bus.session.panics import panics_are_errors
 FRAMES: Final = 3
 """Payloads in transit at once: shared ones fill no socket buffer, which would otherwise bound them."""
 
-PATIENCE: Final = 30
+MAX_REFUSED_PAYLOADS: Final = 30
 READER_TIMEOUT_S: Final = 3.0
 """With so many successive payloads without room, or after seconds of them, what subscribers hold is left to them: one
 that was stopped never lets go of it, not even when its link counts as lost, which takes 2 s unless told otherwise."""
@@ -52,7 +52,7 @@ class SharedFrames:
         """Return the payload's copy in shared memory, or the payload itself if it is small or memory is short.
 
         None while subscribers hold all the room: the payload is to be dropped. One that stands still holds up the
-        stream's others for less than PATIENCE payloads and READER_TIMEOUT_S.
+        stream's others for less than MAX_REFUSED_PAYLOADS payloads and READER_TIMEOUT_S.
         """
         size = len(payload)
         if size < SMALLEST_BYTES:
@@ -74,7 +74,7 @@ class SharedFrames:
         return self.place(payload)
 
     def _is_impatient(self) -> bool:
-        return self._refused >= PATIENCE or self._clock() >= self._refused_since + READER_TIMEOUT_S
+        return self._refused >= MAX_REFUSED_PAYLOADS or self._clock() >= self._refused_since + READER_TIMEOUT_S
 
     def _renew(self, largest: int) -> None:
         self._largest = largest

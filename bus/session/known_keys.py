@@ -32,7 +32,7 @@ def number_of(key_expr: str) -> str:
     return key_expr.partition("*")[0].rpartition("/")[0] if "*" in key_expr else key_expr
 
 
-class Numbers:
+class KeyNumbers:
     """The numeric ids of a session's own keys, kept as long as the session."""
 
     def __init__(self) -> None:

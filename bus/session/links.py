@@ -65,7 +65,7 @@ class Links:
     def _is_sought(self, other: str) -> bool:
         """Whether a link leads to a configured endpoint and is not an incoming one, as far as ports tell.
 
-        Who scouts and names nobody to connect to asks for any.
+        When scouting without `connect`, any link counts.
         """
         settings = self._settings
         if settings.has_one_link or (settings.scouting and not settings.connect):

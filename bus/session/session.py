@@ -24,14 +24,14 @@ from bus.session.changed_files import LOOKED_AT_S, ChangedFiles
 from bus.session.config import session_config
 from bus.session.declaration import Declaration, close_session, endpoint_names, reason_of, take_back
 from bus.session.job_thread import JobThread
-from bus.session.known_keys import Numbers
+from bus.session.known_keys import KeyNumbers
 from bus.session.link_use import LinkUse
 from bus.session.links import why_unreached
 from bus.session.listening_client import LostLink, open_listening_client
 from bus.session.panics import panics_are_errors
 from bus.session.session_links import SessionLinks
-from bus.session.tcp_options import Tuning
-from bus.session.timing import BRIEF_S, LOOK_S, REST_S, RETRY_S, SETTLING_S
+from bus.session.tcp_options import TcpTuning
+from bus.session.timing import POLL_S, REOPEN_PAUSE_S, RETRY_S, SETTLING_S, SHORT_SESSION_S
 from bus.settings import BusSettings
 
 IN_A_ROW: Final = 8
@@ -70,9 +70,9 @@ class SessionThread:
         self._settings = settings
         self._config = partial(session_config, settings, most_links, prefix=prefix)
         self._kept: dict[Declaration, None] = {}
-        self._numbers = Numbers()
+        self._numbers = KeyNumbers()
         self._session: zenoh.Session | None = None
-        self._turn = NEVER  # callbacks compare it, as one with a session would release that at any time (see REST_S)
+        self._turn = NEVER  # callbacks compare it: a session they would release at any time (see REOPEN_PAUSE_S)
         self._links = SessionLinks(settings, most_links)
         self._lost_link = LostLink(settings)
         self._stopping = threading.Event()
@@ -85,11 +85,11 @@ class SessionThread:
         self._unsettled = 0
         self._declared = 0  # on this session; a client counts all of them, since any key may be new
         self._cut = threading.Event()
-        self._ended: zenoh.Session | None = None  # see REST_S
+        self._ended: zenoh.Session | None = None  # see REOPEN_PAUSE_S
         jobs = JobThread("bus-session", self._due, self._do_what_is_due)
         self.submit, self.do = jobs.submit, jobs.do
         self._jobs = jobs
-        self._tuning = Tuning(self.do)
+        self._tuning = TcpTuning(self.do)
 
     @property
     def is_open(self) -> bool:
@@ -260,7 +260,7 @@ class SessionThread:
         callback: Callback[zenoh.Reply] = Callback(lambda _: None, settled.set, indirect=False)
         with contextlib.suppress(zenoh.ZError):
             session.liveliness().get(_NOBODY, callback, timeout=SETTLING_S)
-            while not (settled.wait(LOOK_S) or self._stopping.is_set() or self._cut.is_set()):
+            while not (settled.wait(POLL_S) or self._stopping.is_set() or self._cut.is_set()):
                 pass
 
     def _end(self, session: zenoh.Session) -> None:
@@ -273,7 +273,7 @@ class SessionThread:
         for declaration in self._kept:
             take_back(declaration)
         self._numbers.forget()
-        self._retry_after(REST_S if time.monotonic() > self._opened_at + BRIEF_S else RETRY_S)
+        self._retry_after(REOPEN_PAUSE_S if time.monotonic() > self._opened_at + SHORT_SESSION_S else RETRY_S)
 
     def _retry_after(self, least_s: float) -> None:
         self._retry_at = time.monotonic() + uniform(least_s, 2 * least_s)  # noqa: S311 - no secret

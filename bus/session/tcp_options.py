@@ -23,7 +23,7 @@ _LINGER: Final = struct.pack("ii", 1, LINGER_S)
 _log: Final = logging.getLogger(__name__)
 
 
-class Tuning:
+class TcpTuning:
     """Sets the options of new links, several at once, since each pass looks at every open file of the process.
 
     do: has something done a little later, on the thread that adds links.

@@ -6,11 +6,11 @@ RETRY_S: Final = 0.5
 """Delay between attempts, plus up to as much at random, so that a fleet does not retry in step."""
 
 
-BRIEF_S: Final = 5.0
+SHORT_SESSION_S: Final = 5.0
 """After a session that lived no longer than this, the next one waits for RETRY_S."""
 
 
-REST_S: Final = 0.2
+REOPEN_PAUSE_S: Final = 0.2
 """Pause between the end of a session and the next one.
 
 Releasing a session holds the interpreter lock until a Zenoh thread has time, which may wait for that lock itself to
@@ -22,5 +22,5 @@ SETTLING_S: Final = 1.0
 """Longest wait for a router to process declarations; shorter than the deadline for closing."""
 
 
-LOOK_S: Final = 0.1
+POLL_S: Final = 0.1
 """Interval at which such a wait checks whether the session is ending."""

@@ -6,10 +6,10 @@ from typing import Final
 WINDOW_S: Final = 1.0
 """Shortest measuring window."""
 
-TURNS: Final = 2
+FRAMES_PER_CAMERA: Final = 2
 """Frames of each camera in a window, if that takes no longer than LONGEST_S."""
 
-FEWEST: Final = 10
+MIN_FRAMES: Final = 10
 """Fewest frames that give a rate."""
 
 LONGEST_S: Final = 5.0
@@ -66,8 +66,8 @@ class Pace:
             return False
         spent_s = now_s - self._since_s
         done, lost = totals.done - self._before.done, max(0, totals.lost - self._before.lost)
-        turns_s = TURNS * cameras / self.limit_hz if self.limit_hz else 0.0
-        if spent_s < LONGEST_S and (spent_s < max(WINDOW_S, turns_s) or done < FEWEST):
+        turns_s = FRAMES_PER_CAMERA * cameras / self.limit_hz if self.limit_hz else 0.0
+        if spent_s < LONGEST_S and (spent_s < max(WINDOW_S, turns_s) or done < MIN_FRAMES):
             return False
         busy_s = min(spent_s, totals.busy_s - self._before.busy_s)
         before = self.limit_hz

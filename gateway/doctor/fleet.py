@@ -85,7 +85,8 @@ async def observe(bus: Bus, robot: str, seconds: float) -> BusLook:
 def beside_the_gateway(settings: GatewaySettings) -> list[BusSettings]:
     """Return bus settings that connect to the gateway's listen endpoints, since those are in use.
 
-    Who listens everywhere does so at 127.0.0.1 too, which certificates can name: Zenoh (1.10) finds no [::1] in them.
+    A listener on every address is reachable at 127.0.0.1 too, which certificates can name: Zenoh (1.10) finds no [::1]
+    in them.
     A client uses the first endpoint that answers: what a gateway connects to and where it listens are two ways to join.
     """
     own = [

@@ -51,7 +51,7 @@ class Return(Generic[R]):
                 except Ros1Error as error:
                     log.warning("%s is not returned: %s", self.stream.key, error)
                     return
-                self.demand.of("the gateway itself")(self.stream.translator.unasked)
+                self.demand.of("the gateway itself")(self.stream.translator.eager)
                 await while_wanted(self.demand, lambda: self._subscribe(bus))
         finally:
             self.stream.retire(slow=self._slow())
@@ -79,7 +79,7 @@ class Return(Generic[R]):
         if result is None:
             return
         publication = self.publications[self.stream.topic_of(result)]
-        if self.stream.translator.unasked and not publication.wanted:
+        if self.stream.translator.eager and not publication.wanted:
             self.stream.unheard(result)
             return
         try:

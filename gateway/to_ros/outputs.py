@@ -220,9 +220,7 @@ DISTANCES: Final = Translator(Distances, STRING, distances)
 OVERLAY: Final = Translator(ImageFrame, ros_image.TYPE_NAME, image, heavy=True)
 OBJECTS: Final = Translator(ObjectClouds, ros_point_cloud.TYPE_NAME, object_clouds, heavy=True)
 ALERT: Final = Translator(Alert, STRING, alert, waiting=MESSAGES_WAITING, latched=True)
-ACTION: Final = Translator(
-    Action, STRING, action, waiting=MESSAGES_WAITING, unasked=True, route=lambda asked: asked.name
-)
+ACTION: Final = Translator(Action, STRING, action, waiting=MESSAGES_WAITING, eager=True, route=lambda asked: asked.name)
 """Actions of a robot, received without demand, so that a refused action is logged."""
 
 CAMERA_RETURNS: Final[Mapping[Stream, Translator[Any]]] = {

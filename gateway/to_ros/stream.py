@@ -118,7 +118,7 @@ class Translator(Generic[R]):
     route: names which of the stream's topics a result is for.
     waiting: how many results wait for the gateway, and messages for each ROS subscriber; of more, the newest.
     latched: the last one is for latecomers too, on ROS and from Zenoh. Only for messages that say of when they are.
-    unasked: taken from Zenoh though no ROS subscriber is there.
+    eager: taken from Zenoh though no ROS subscriber is there.
     """
 
     schema: type[R]
@@ -128,7 +128,7 @@ class Translator(Generic[R]):
     route: Callable[[R], str] = anywhere
     waiting: int = 1
     latched: bool = False
-    unasked: bool = False
+    eager: bool = False
 
     @property
     def keep(self) -> Latest | Queue:

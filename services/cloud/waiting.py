@@ -16,7 +16,7 @@ from services.geometry.transforms import FIXED_FRAMES, TransformTree
 from services.worker.stamp_joiner import Joiner, NoPartner, Partner
 
 REPLACED: Final = "replaced by newer detections"
-DOUBLE: Final = "the same detections again, or older ones"
+DUPLICATE: Final = "the same detections again, or older ones"
 MALFORMED: Final = "malformed detections"
 MALFORMED_POINTS: Final = "malformed points"
 MALFORMED_INFO: Final = "malformed camera info"
@@ -74,7 +74,7 @@ class CloudJoiner:
     def detections(self, found: Detections, now_s: float) -> None:
         """Add detections newer than the last; at a take-over one of two workers may lag behind."""
         if not self._order.take(found.header, round(now_s * 1e9)):
-            self._account.dropped[DOUBLE] += 1
+            self._account.dropped[DUPLICATE] += 1
             return
         if len(self._waiting) >= MAX_WAITING:
             self._drop(1)

@@ -19,7 +19,7 @@ from schemas.errors import SchemaError
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.status import UNWANTED
-from services.detector.frame_counts import DEPTH, REPLACED, SPARED, FrameCounts
+from services.detector.frame_counts import ABOVE_OPINION_RATE, DEPTH, REPLACED, FrameCounts
 from services.detector.frame_queue import FrameQueue, QueuedFrame
 from services.detector.overlay_publisher import MASKS, Overlays, drawing
 from services.detector.pixels import shows_colours
@@ -181,7 +181,7 @@ def accept(
         camera.account.dropped[DEPTH] += 1
         return
     if not passes(sample.received_ns):
-        camera.account.dropped[SPARED] += 1
+        camera.account.dropped[ABOVE_OPINION_RATE] += 1
         return
     late_ns = lateness.late_ns(frame.header.received_ns, sample.received_ns)
     camera.account.dropped[REPLACED] += board.post(camera.key, QueuedFrame(frame, sample.received_ns, late_ns))

@@ -14,7 +14,7 @@ DOUBLE: Final = "the same frame again"
 MALFORMED: Final = "malformed"
 FAILED: Final = "failed in the model"
 DEPTH: Final = "a depth image, not a picture"
-SPARED: Final = "more than a second opinion asked for"
+ABOVE_OPINION_RATE: Final = "more than a second opinion asked for"
 
 TOO_MANY: Final = (REPLACED, STALE)
 """Reasons for frames that came faster than they could be processed."""

@@ -23,7 +23,7 @@ from services.geometry.masks import Window, decode_all
 Picture = NDArray[np.uint8]
 Color = tuple[int, int, int]
 
-QUALITY: Final = 80
+OVERLAY_JPEG_QUALITY: Final = 80
 OPACITY: Final = 0.45
 MAX_COLORS: Final = 256
 FONT: Final = cv2.FONT_HERSHEY_SIMPLEX
@@ -43,7 +43,7 @@ def overlays(found: Detections, frame: ImageFrame, masks: Iterable[bool]) -> Ite
 
     Raises:
         MaskError: a mask is damaged.
-        PictureError: the frame cannot be decoded.
+        ImageDecodeError: the frame cannot be decoded.
     """
     picture = to_bgr(frame)
     for drawn in drawings(picture, found.objects, masks):
@@ -52,7 +52,7 @@ def overlays(found: Detections, frame: ImageFrame, masks: Iterable[bool]) -> Ite
 
 def jpeg_of(drawn: Picture) -> bytes:
     """Encode a BGR image as a JPEG file."""
-    data: bytes = simplejpeg.encode_jpeg(drawn, quality=QUALITY, colorspace="BGR", colorsubsampling="420")
+    data: bytes = simplejpeg.encode_jpeg(drawn, quality=OVERLAY_JPEG_QUALITY, colorspace="BGR", colorsubsampling="420")
     return data
 
 

@@ -35,7 +35,7 @@ _DAMAGE: Final = ("remature end", "bad Huffman code", "bad arithmetic code", "in
 """libjpeg's warnings that no intact file causes. Some cameras always write files that it warns about otherwise."""
 
 
-class PictureError(ValueError):
+class ImageDecodeError(ValueError):
     """The data of a compressed image is damaged."""
 
 
@@ -50,7 +50,7 @@ def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
     BGR is what Ultralytics expects of numpy input (docs.ultralytics.com/modes/predict). 16 bits are scaled to 8.
 
     Raises:
-        PictureError: a compressed picture that cannot be decoded.
+        ImageDecodeError: a compressed picture that cannot be decoded.
     """
     if frame.format == ZSTD:
         frame = _decompressed(frame)
@@ -63,7 +63,7 @@ def to_bgr(frame: ImageFrame) -> NDArray[np.uint8]:
     return np.asarray(cv2.cvtColor(pixels, code), np.uint8)
 
 
-def glance(frame: ImageFrame, width: int) -> NDArray[np.uint8]:
+def small_grey_image(frame: ImageFrame, width: int) -> NDArray[np.uint8]:
     """Return an image in grey, no wider than `width` pixels, as height x width; see `to_bgr`."""
     if frame.format == JPEG and frame.encoding in _COLOURS:
         return _shrunk(_jpeg(frame, "GRAY", min_width=min(width, frame.width)), width)
@@ -80,7 +80,7 @@ def _decompressed(frame: ImageFrame) -> ImageFrame:
     try:
         data = decompressed(frame.data, frame.step * frame.height)
     except PayloadError as error:
-        raise PictureError(str(error)) from error
+        raise ImageDecodeError(str(error)) from error
     return msgspec.structs.replace(frame, format=RAW, data=data)
 
 
@@ -103,7 +103,7 @@ def _decoded(frame: ImageFrame) -> NDArray[Any]:
     in_colour = frame.encoding in _COLOURS
     pixels = _jpeg(frame, "BGR" if in_colour else "GRAY") if frame.format == JPEG else _png(frame, in_colour=in_colour)
     if pixels.shape[:2] != (frame.height, frame.width):
-        raise PictureError(f"a {frame.format} that cannot be decoded")
+        raise ImageDecodeError(f"a {frame.format} that cannot be decoded")
     return pixels
 
 
@@ -116,7 +116,7 @@ def _jpeg(frame: ImageFrame, colours: str, *, min_width: int = 0) -> NDArray[np.
         return np.asarray(simplejpeg.decode_jpeg(frame.data, colorspace=colours, min_width=min_width), np.uint8)
     except ValueError as error:
         if any(sign in str(error) for sign in _DAMAGE):
-            raise PictureError(f"a jpeg that cannot be decoded: {error}") from error
+            raise ImageDecodeError(f"a jpeg that cannot be decoded: {error}") from error
         return _odd_jpeg(frame, in_colour=colours == "BGR")
 
 
@@ -128,7 +128,7 @@ def _odd_jpeg(frame: ImageFrame, *, in_colour: bool) -> NDArray[np.uint8]:
                 return np.ascontiguousarray(np.asarray(picture.convert("RGB"))[..., ::-1])
             return np.asarray(picture.convert("L"))[..., None]
     except (OSError, SyntaxError, ValueError) as error:
-        raise PictureError(f"a jpeg that cannot be decoded: {error}") from error
+        raise ImageDecodeError(f"a jpeg that cannot be decoded: {error}") from error
 
 
 def _png(frame: ImageFrame, *, in_colour: bool) -> NDArray[Any]:
@@ -136,7 +136,7 @@ def _png(frame: ImageFrame, *, in_colour: bool) -> NDArray[Any]:
     try:
         pixels = cv2.imdecode(np.frombuffer(frame.data, np.uint8), flags)
     except cv2.error as error:
-        raise PictureError(f"a png that cannot be decoded: {error}") from error
+        raise ImageDecodeError(f"a png that cannot be decoded: {error}") from error
     if pixels is None:
-        raise PictureError("a png that cannot be decoded")
+        raise ImageDecodeError("a png that cannot be decoded")
     return np.asarray(pixels)

@@ -22,7 +22,7 @@ from schemas.status import MAX_CLASSES
 from schemas.worker_keys import WorkerAlive
 from services.detector.camera import CameraOutputs, feed, serving
 from services.detector.fleet_model import FleetModel
-from services.detector.frame_counts import REPLACED, SPARED, FrameCounts
+from services.detector.frame_counts import ABOVE_OPINION_RATE, REPLACED, FrameCounts
 from services.detector.frame_queue import FrameQueue
 from services.detector.inference import Inference
 from services.detector.model import Model, ModelError
@@ -72,7 +72,7 @@ class DetectorWorker:
         self._name = tokens[0].worker
         self._board = FrameQueue()
         self._cameras: dict[CameraKey, CameraOutputs] = {}
-        unread = REPLACED if role.most_hz is None else SPARED  # a newer one is as good for an opinion
+        unread = REPLACED if role.most_hz is None else ABOVE_OPINION_RATE  # a newer one is as good for an opinion
         self._accounts = Tallies(partial(FrameCounts, unread=unread))
         self._asked: dict[CameraKey, RateRequest] = {}
         self._took_over: dict[CameraKey, Callable[[], None]] = {}

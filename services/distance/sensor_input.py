@@ -19,7 +19,7 @@ from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream
 from schemas.transforms import Transforms
 from services.distance.sensor_history import DEPTH_IMAGE, SensorHistory
 
-DOUBLE: Final = "the same detections again, or older ones"
+DUPLICATE: Final = "the same detections again, or older ones"
 REPLACED: Final = "replaced by newer detections"
 UNJOINED: Final = "no depth image of the same instant"
 FAILED: Final = "failed while measuring"
@@ -37,7 +37,7 @@ class DetectionCounts(Tally):
     def is_new(self, header: Header) -> bool:
         """Return whether an image is newer than the last; at a take-over one of two workers may lag behind."""
         new = self._order.take(header, time.monotonic_ns())
-        self.dropped[DOUBLE] += not new
+        self.dropped[DUPLICATE] += not new
         return new
 
     def malformed(self, what: str) -> None:

@@ -67,7 +67,7 @@ async def in_daemon_thread(act: Callable[[], object]) -> None:
         with contextlib.suppress(RuntimeError):  # the loop is closed
             loop.call_soon_threadsafe(settle, failed)
 
-    threading.Thread(target=run, name="aside", daemon=True).start()
+    threading.Thread(target=run, name="blocking-call", daemon=True).start()
     await done
 
 
@@ -76,25 +76,24 @@ LEAST: Final = 100
 GROWTH: Final = 1.125
 """By how much there is more when what is new is left out too: until then collections look at it."""
 
-YOUNG: Final = 1_500
+GC_GEN0_THRESHOLD: Final = 1_500
 """How many new objects are looked at, at once: a millisecond or two."""
 
-MIDDLE: Final = 1
+GC_GEN1_THRESHOLD: Final = 1
 """How many times that until those that stayed are looked at with them."""
 
-NEVER: Final = 1_000_000_000
-FULL_AFTER: Final = 50
+GC_GEN2_DISABLED: Final = 1_000_000_000
+FULL_GC_AFTER: Final = 50
 """After how many of those what is old is looked at: a tenth of a second, after more than a hundred pages."""
 
 
 async def keep_collections_short(size: Callable[[], int], *, period_s: float = PERIOD_S) -> None:
     """Exclude long-lived objects from garbage collections, until cancelled. size: their number, in any unit.
 
-    What is new is left out once in a while as there comes more. What was left out is looked at again after each
-    doubling alone, so that little garbage is left out too.
+    New objects are frozen now and then as their number grows; frozen ones are examined again only when it has doubled.
     """
     usual = gc.get_threshold()
-    gc.set_threshold(YOUNG, MIDDLE, NEVER)
+    gc.set_threshold(GC_GEN0_THRESHOLD, GC_GEN1_THRESHOLD, GC_GEN2_DISABLED)
     looked_at = left_out = 0.0
     try:
         while True:
@@ -104,7 +103,7 @@ async def keep_collections_short(size: Callable[[], int], *, period_s: float = P
                 gc.unfreeze()
                 looked_at = found
             elif found < GROWTH * left_out:
-                if gc.get_count()[2] >= FULL_AFTER:
+                if gc.get_count()[2] >= FULL_GC_AFTER:
                     gc.collect()
                 continue
             gc.collect()

@@ -71,7 +71,7 @@ class Monitor:
     floor_plan: the map's background. zones: the file of them. started_ns: its start, epoch. centre: its link to the
     monitor above it, if it has one. models: the registry of published models, if it keeps one.
 
-    What is made of the whole fleet (`snapshot`, `inventory`) is made at most every MAX_AGE_S for all callers.
+    Views of the whole fleet (`snapshot`, `inventory`) are made at most every MAX_AGE_S for all callers.
     """
 
     settings: MonitorSettings

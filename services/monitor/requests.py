@@ -79,7 +79,7 @@ PICTURE_S: Final = 25.0
 """Time for a picture and the answer of a detector worker to it."""
 
 
-class PictureError(Exception):
+class SaveImageError(Exception):
     """A picture was not saved; the message says why, and what helps."""
 
 
@@ -87,7 +87,7 @@ async def save_picture(bus: Bus, camera: CameraKey, by: str) -> SavedPicture:
     """Have a picture of a camera saved by a `fleetsight collect --asked`. by: who asks for it.
 
     Raises:
-        PictureError: none runs, or it did not save it.
+        SaveImageError: none runs, or it did not save it.
     """
     asked = codec.encode(PictureRequest(robot=camera.robot, camera=camera.camera, by=by))
     encoding = codec.encoding(PictureRequest)
@@ -95,9 +95,9 @@ async def save_picture(bus: Bus, camera: CameraKey, by: str) -> SavedPicture:
         reply = await bus.request(keys.COLLECT, asked, encoding=encoding, timeout_s=PICTURE_S)
         return codec.decode(SavedPicture, reply.payload, reply.encoding)
     except NotServedError as error:
-        raise PictureError("nobody collects pictures: run fleetsight collect FOLDER --asked") from error
+        raise SaveImageError("nobody collects pictures: run fleetsight collect FOLDER --asked") from error
     except (BusError, SchemaError) as error:
-        raise PictureError(str(error)) from error
+        raise SaveImageError(str(error)) from error
 
 
 log = logging.getLogger(__name__)

@@ -188,21 +188,23 @@ class SnapshotMaker:
     """Makes a snapshot step by step, so that other tasks run in between."""
 
     def __init__(self, fleet_view: FleetView) -> None:
-        self._glance = fleet_view
+        self._fleet_view = fleet_view
         self._cameras: list[CameraLine] = []
         self._robots: list[RobotLine] = []
 
     def steps(self) -> Iterator[None]:
         """Yield after each step."""
-        for name in self._glance.robots:
-            cameras = [self._glance.camera(key) for key in self._glance.cameras_of(name)]
+        for name in self._fleet_view.robots:
+            cameras = [self._fleet_view.camera(key) for key in self._fleet_view.cameras_of(name)]
             self._cameras += cameras
-            self._robots.append(self._glance.robot_of(name, cameras))
+            self._robots.append(self._fleet_view.robot_of(name, cameras))
             yield
 
     def snapshot(self) -> Snapshot:
         """Return the snapshot, once all steps are done."""
-        return Snapshot(self._glance.now_ns, tuple(self._robots), tuple(self._cameras), self._glance.workers.lines)
+        return Snapshot(
+            self._fleet_view.now_ns, tuple(self._robots), tuple(self._cameras), self._fleet_view.workers.lines
+        )
 
 
 def _robots(fleet: Fleet, cameras: Iterable[CameraKey]) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BaseModel, Field, ValidationInfo, model_val
 from gateway.ros1.addresses import validate_host, validate_master_uri
 from services.option_names import given_as_options
 from services.simulator.localisation import Lost
-from services.simulator.topics import Stream
+from services.simulator.topics import SimulatedStream
 
 
 def master_uri() -> str | None:
@@ -55,9 +55,9 @@ class SimulatorSettings(BaseModel):
 
     robots: Annotated[int, Field(ge=1, le=100, description="number of robots, named r1, r2, ...")] = 1
     hz: Annotated[float, Field(ge=0.001, le=60, description="measurements per second and robot")] = 2.0
-    streams: Annotated[list[Stream], Field(min_length=1, description="what the robots publish besides transforms")] = (
-        list(Stream)
-    )
+    streams: Annotated[
+        list[SimulatedStream], Field(min_length=1, description="what the robots publish besides transforms")
+    ] = list(SimulatedStream)
     width: Annotated[int, Field(ge=16, le=4096, description="width of images in pixels")] = 640
     height: Annotated[int, Field(ge=16, le=4096, description="height of images in pixels")] = 480
     align_depth: Annotated[

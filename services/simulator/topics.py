@@ -11,7 +11,7 @@ CAMERA_INFO: Final = "sensor_msgs/CameraInfo"
 TF_MESSAGE: Final = "tf2_msgs/TFMessage"
 
 
-class Stream(StrEnum):
+class SimulatedStream(StrEnum):
     """Streams that a robot can publish. Transforms come with all of them."""
 
     COLOR = auto()
@@ -64,17 +64,17 @@ TF_TOPICS: Final = (
 )
 
 
-def topics(streams: Sequence[Stream], *, aligned: bool) -> list[Topic]:
+def topics(streams: Sequence[SimulatedStream], *, aligned: bool) -> list[Topic]:
     """Return the topics of a robot with or without depth registered to colour."""
     return [*TF_TOPICS, *_sensors(streams, aligned=aligned)]
 
 
-def _sensors(streams: Sequence[Stream], *, aligned: bool) -> Iterator[Topic]:
-    if Stream.COLOR in streams:
+def _sensors(streams: Sequence[SimulatedStream], *, aligned: bool) -> Iterator[Topic]:
+    if SimulatedStream.COLOR in streams:
         yield from COLOR_TOPICS
-    if Stream.DEPTH in streams:
+    if SimulatedStream.DEPTH in streams:
         yield from ALIGNED_TOPICS if aligned else DEPTH_TOPICS
-    if Stream.POINTS in streams:
+    if SimulatedStream.POINTS in streams:
         yield from POINTS_TOPICS
-    if Stream.LIDAR in streams:
+    if SimulatedStream.LIDAR in streams:
         yield from LIDAR_TOPICS

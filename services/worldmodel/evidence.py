@@ -24,10 +24,10 @@ MARGIN_SIGMAS: Final = 3.0
 INSIDE: Final = 0.6
 """Share of an object's probed points that must be in view, and unhidden, for a miss to count."""
 
-PAST: Final = 0.75
+MIN_PASSED_SHARE: Final = 0.75
 """Share of the points in view that must be looked past."""
 
-TELLING: Final = 1.2
+BACKGROUND_MARGINS: Final = 1.2
 """By so many margins what an object stands on must be behind a probed point for the point to tell anything."""
 
 FEWEST: Final = 2
@@ -84,11 +84,11 @@ def look(frames: Frames, camera: Floats, rotation: Floats, objects: Objects, ind
     near_m, far_m = frames.near_mm.take(cell) / 1000.0, frames.far_mm.take(cell) / 1000.0
     margin = MARGIN_M + MARGIN_SIGMAS * NOISE_PER_M2 * depth * depth
     plain = inside & (near_m > 0) & (far_m >= depth - margin)
-    telling = plain & (_behind(objects, near, camera[frame], depth) > depth + TELLING * margin)
+    telling = plain & (_behind(objects, near, camera[frame], depth) > depth + BACKGROUND_MARGINS * margin)
     past = telling & (near_m > depth + margin)
     count, distance = plain[:, :PLAIN].sum(axis=1), depth.mean(axis=1)
     kept = np.flatnonzero((count >= INSIDE * PLAIN) & (distance < FARTHEST_M) & (distance > NEAREST_M))
-    least = np.maximum(PAST * telling.sum(axis=1)[kept], FEWEST)
+    least = np.maximum(MIN_PASSED_SHARE * telling.sum(axis=1)[kept], FEWEST)
     return Looks(frame[kept], near[kept], past.sum(axis=1)[kept] >= least, distance[kept])
 
 

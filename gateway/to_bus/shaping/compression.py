@@ -63,8 +63,8 @@ else:
     from backports import zstd
 
 AUTO: Final = "auto"
-LEVELS: Final = {JPEG: (1, 80, 100), ZSTD: (1, 1, 19)}
-"""Smallest, usual and largest quality or level."""
+QUALITY_AND_LEVEL_LIMITS: Final = {JPEG: (1, 80, 100), ZSTD: (1, 1, 19)}
+"""Smallest, usual and largest quality or level. The quality of overlays' JPEGs is in services/detector/overlay.py."""
 
 _METHOD: Final = re.compile(r"(auto|raw|png|jpeg|zstd)(?::(\d{1,3}))?")
 _JPEG_SPACES: Final = {"rgb8": "RGB", "bgr8": "BGR", "rgba8": "RGBA", "bgra8": "BGRA", "mono8": "GRAY"}
@@ -88,8 +88,8 @@ class Method:
 
 
 NONE: Final = Method(RAW)
-LOSSLESS: Final = Method(ZSTD, LEVELS[ZSTD][1])
-LOSSY: Final = Method(JPEG, LEVELS[JPEG][1])
+LOSSLESS: Final = Method(ZSTD, QUALITY_AND_LEVEL_LIMITS[ZSTD][1])
+LOSSY: Final = Method(JPEG, QUALITY_AND_LEVEL_LIMITS[JPEG][1])
 
 
 def parse_method(text: str) -> Method:
@@ -99,11 +99,11 @@ def parse_method(text: str) -> Method:
         ValueError: naming what can be written.
     """
     match = _METHOD.fullmatch(text)
-    if match is None or (match[2] and match[1] not in LEVELS):
+    if match is None or (match[2] and match[1] not in QUALITY_AND_LEVEL_LIMITS):
         raise ValueError(f"{text!r} is not one of auto, raw, jpeg, jpeg:QUALITY, png, zstd, zstd:LEVEL")
-    if match[1] not in LEVELS:
+    if match[1] not in QUALITY_AND_LEVEL_LIMITS:
         return Method(match[1])
-    least, usual, most = LEVELS[match[1]]
+    least, usual, most = QUALITY_AND_LEVEL_LIMITS[match[1]]
     level = int(match[2] or usual)
     if not least <= level <= most:
         raise ValueError(f"{text!r}: {match[1]} goes from {least} to {most}")

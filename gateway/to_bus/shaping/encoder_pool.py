@@ -62,7 +62,7 @@ class EncoderClient(Hashable, Protocol):
     def shaped(self, made: Shaped) -> None:
         """Receive a frame's payload."""
 
-    def spoilt(self, error: Exception) -> None:
+    def on_error(self, error: Exception) -> None:
         """Receive the reason why a frame could not be shaped."""
 
 
@@ -71,22 +71,22 @@ class EncoderPool:
 
     def __init__(self) -> None:
         self._jobs: PerKey[EncoderClient, EncodeJob] = PerKey()
-        self._brought = asyncio.Event()
+        self._submitted = asyncio.Event()
         self._serving: EncoderClient | None = None
 
-    def bring(self, customer: EncoderClient, job: EncodeJob) -> int:
+    def submit(self, client: EncoderClient, job: EncodeJob) -> int:
         """Queue a frame; return the number of frames it replaced."""
-        self._brought.set()
-        return self._jobs.offer(customer, job)
+        self._submitted.set()
+        return self._jobs.offer(client, job)
 
-    def is_busy_for(self, customer: EncoderClient) -> bool:
+    def is_busy_for(self, client: EncoderClient) -> bool:
         """Return whether a frame of the client waits or is being shaped."""
-        return customer is self._serving or customer in self._jobs
+        return client is self._serving or client in self._jobs
 
-    def leave(self, customer: EncoderClient) -> int:
+    def leave(self, client: EncoderClient) -> int:
         """Forget a client without further callbacks; return the number of its frames waiting or being shaped."""
-        left = len(self._jobs.discard(customer))
-        if customer is self._serving:
+        left = len(self._jobs.discard(client))
+        if client is self._serving:
             self._serving = None
             left += 1
         return left
@@ -96,12 +96,12 @@ class EncoderPool:
         with _thread() as executor:
             while True:
                 while (taken := self._jobs.take()) is None:
-                    self._brought.clear()
-                    await self._brought.wait()
+                    self._submitted.clear()
+                    await self._submitted.wait()
                 self._serving = taken.key
                 await self._serve(taken.key, taken.item.do, executor)
 
-    async def _serve(self, customer: EncoderClient, do: Callable[[], Shaped], executor: Executor) -> None:
+    async def _serve(self, client: EncoderClient, do: Callable[[], Shaped], executor: Executor) -> None:
         made: Shaped | Exception
         try:
             made = await asyncio.get_running_loop().run_in_executor(executor, do)
@@ -111,9 +111,9 @@ class EncoderPool:
         if there is None:
             return
         if isinstance(made, Exception):
-            customer.spoilt(made)
+            client.on_error(made)
         else:
-            customer.shaped(made)
+            client.shaped(made)
 
 
 @contextmanager

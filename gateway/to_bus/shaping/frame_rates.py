@@ -10,10 +10,10 @@ from typing import Any, Final
 from gateway.to_bus.shaping.token_bucket import SECOND_NS, TokenBucket
 from gateway.to_bus.shaping.uplink import Moment
 
-KEPT: Final = 16
+FITTED_FRAMES: Final = 16
 """Number of last frames that the rhythm is fitted to; after these it follows a change of rate."""
 
-AHEAD: Final = 8
+PREDICTED_FRAMES: Final = 8
 """Number of frames ahead for which the rhythm predicts."""
 
 
@@ -24,7 +24,7 @@ class Rhythm:
     """
 
     def __init__(self) -> None:
-        self._stamps: deque[int] = deque(maxlen=KEPT)
+        self._stamps: deque[int] = deque(maxlen=FITTED_FRAMES)
         self._line: tuple[int, int] | None = None
 
     def note(self, stamp_ns: int) -> None:
@@ -45,7 +45,7 @@ class Rhythm:
         if not interval_ns:
             return None
         frames = -((last_ns - since_ns) // interval_ns)
-        return last_ns + frames * interval_ns if abs(frames) <= AHEAD else None
+        return last_ns + frames * interval_ns if abs(frames) <= PREDICTED_FRAMES else None
 
     def _fitted(self) -> tuple[int, int]:
         """Return the fitted stamp of the last frame, and the interval, in nanoseconds."""
@@ -71,17 +71,17 @@ EARLY_NS: Final = 10_000_000
 JUMP_NS: Final = SECOND_NS
 """A stream whose stamps go back by more has started over: a bag loops, or a simulation is reset."""
 
-ALONE: Final = 8
+UNMATCHED_LIMIT: Final = 8
 """Frames at instants of its own after which a stream is picked from independently."""
 
 SLOWER: Final = 1.5
 """Ratio of intervals from which a turn waits for the slower stream."""
 
-TOGETHER: Final = ""
+SHARED_TURN: Final = ""
 """Owner of the turns that a camera's streams take together."""
 
 REMEMBERED: Final = 256
-CROWDED: Final = 16
+MAX_CLOSE_INSTANTS: Final = 16
 """Most instants remembered per SAME_NS."""
 
 
@@ -126,7 +126,7 @@ class _Run:
         made = _Instant(stamp_ns, self._begin())
         found = self._instants.setdefault(bucket, [])
         found.append(made)
-        del found[:-CROWDED]
+        del found[:-MAX_CLOSE_INSTANTS]
         _forget_oldest(self._instants)
         return made
 
@@ -139,7 +139,7 @@ class _Run:
         more than n + 1 frames. A turn that is far off was given by a stream with another clock: it does not count.
         """
         period = round(SECOND_NS / rate)
-        due = self._due.setdefault((owner, rate), self._due.get((TOGETHER, rate), stamp_ns))
+        due = self._due.setdefault((owner, rate), self._due.get((SHARED_TURN, rate), stamp_ns))
         _forget_oldest(self._due)
         if abs(stamp_ns - due) > period + JUMP_NS:
             due = stamp_ns
@@ -179,7 +179,7 @@ class _Stream:
     @property
     def is_alone(self) -> bool:
         """Whether its frames never share instants with others, nor others' frames with it."""
-        return min(self.alone, self.missed) > ALONE
+        return min(self.alone, self.missed) > UNMATCHED_LIMIT
 
 
 class Instants:
@@ -273,7 +273,7 @@ class Instants:
             picked = picked and instant.picked.get(rate, True)
             if picked and rate not in instant.picked:
                 picked = limit.has_room(received_ns)
-                picked = picked and state.run.take_turn(TOGETHER, rate, instant.stamp_ns, awaited)
+                picked = picked and state.run.take_turn(SHARED_TURN, rate, instant.stamp_ns, awaited)
                 if picked:
                     limit.take()
             instant.picked.setdefault(rate, picked)

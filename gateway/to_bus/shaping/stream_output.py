@@ -111,13 +111,13 @@ class StreamOutput:
         private = self._plan.private
         as_it_is = method.format == RAW and factor == 1 and not private
         if self._workshop is None and private:
-            self.spoilt(ShapingError("nothing here can blacken it"))
+            self.on_error(ShapingError("nothing here can blacken it"))
             return
         if self._workshop is None or (as_it_is and not self._workshop.is_busy_for(self)):
             self._compression = frame.format
             self._pass_on(Pieces(*codec.encode_in_pieces(frame)), moment)
             return
-        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.bring(
+        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.submit(
             self, EncodeJob(frame, factor, method, moment, private)
         )
 
@@ -126,7 +126,7 @@ class StreamOutput:
         self._compression = str(made.method)
         self._pass_on(made.payload, made.moment)
 
-    def spoilt(self, error: Exception) -> None:
+    def on_error(self, error: Exception) -> None:
         """See `EncoderClient`."""
         self._dropped[UNSHAPED] += 1
         log.warning("%s: frame left out: %s", self._key, error)

@@ -1,4 +1,7 @@
-"""Assigns kinds, and so ROS types, to streams."""
+"""Assigns kinds, and so ROS types, to streams.
+
+A new sensor type also needs `TYPES` in gateway/discovery/plan.py and `READERS` in candidates.py beside it.
+"""
 
 from typing import Final
 

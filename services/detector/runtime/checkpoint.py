@@ -38,7 +38,7 @@ DOWNLOADS: Final = threading.RLock()
 MOST_BYTES: Final = 4 << 30
 """Of a file as it is unpacked. The largest published models have some 150 MB."""
 
-SHOUTED: Final = "ERROR \u274c\ufe0f "
+ULTRALYTICS_ERROR_PREFIX: Final = "ERROR \u274c\ufe0f "
 MAX_NAMED: Final = 3
 """Types or entries that a refusal names at most."""
 
@@ -123,7 +123,7 @@ def _reason(path: Path, error: Exception) -> str:
     if (entries := _entries_without_model(path)) is not None:
         held = f"only {_listed(entries)}" if entries else "it is empty"
         return f"it holds no model, {held}: save the whole checkpoint, as Ultralytics' model.save() does"
-    return first_line(error).removeprefix(SHOUTED).replace(str(path), "it")
+    return first_line(error).removeprefix(ULTRALYTICS_ERROR_PREFIX).replace(str(path), "it")
 
 
 def _listed(names: list[str]) -> str:

@@ -27,7 +27,7 @@ from services.detector.model import (
     Request,
     first_line,
 )
-from services.detector.pixels import PictureError, to_bgr
+from services.detector.pixels import ImageDecodeError, to_bgr
 from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import Engine, OutOfMemoryError
@@ -194,7 +194,7 @@ class Pipeline:
             letterbox = self.facts.letterbox(frame.height, frame.width)
             pixels = np.empty((*letterbox.shape, 3), np.uint8)
             letterbox.apply(to_bgr(frame), pixels)
-        except PictureError as error:
+        except ImageDecodeError as error:
             return Failed(MALFORMED, error)
         except Exception as error:  # noqa: BLE001 - whatever is wrong with an image, it fails alone
             return Failed(FAILED, error)

@@ -20,13 +20,13 @@ LEAST_SIDE: Final = 32
 PATCH_STRIDE: Final = 4
 FINEST_SCALE: Final = 1
 
-GLIMPSE: Final = 40
+THUMBNAIL_WIDTH: Final = 40
 """Width in pixels at which a leap of the whole picture is looked for, further than the flow reaches by itself."""
 
 STRIPS: Final = ((0, 15), (10, 30), (25, 40))
-"""Columns of a glimpse, of which the one that is found best in the next glimpse tells the leap."""
+"""Columns of a thumbnail, of which the one that is found best in the next thumbnail tells the leap."""
 
-UP_AND_DOWN: Final = 2
+VERTICAL_SEARCH_PX: Final = 2
 
 SAMPLES: Final = 7
 """Samples of the flow along each side of a box."""
@@ -70,10 +70,10 @@ def _dense_flow() -> cv2.DISOpticalFlow:
 
 def leap(before: Picture, after: Picture) -> tuple[float, float]:
     """Return roughly how far an image moved as a whole (right, down)."""
-    factor = before.shape[1] / GLIMPSE
-    size = (GLIMPSE, max(1, round(before.shape[0] / factor)))
+    factor = before.shape[1] / THUMBNAIL_WIDTH
+    size = (THUMBNAIL_WIDTH, max(1, round(before.shape[0] / factor)))
     small, then = (cv2.resize(each, size, interpolation=cv2.INTER_AREA) for each in (before, after))
-    margin = cv2.copyMakeBorder(then, UP_AND_DOWN, UP_AND_DOWN, 0, 0, cv2.BORDER_REPLICATE)
+    margin = cv2.copyMakeBorder(then, VERTICAL_SEARCH_PX, VERTICAL_SEARCH_PX, 0, 0, cv2.BORDER_REPLICATE)
     _, right, down = max(_found(small[:, begin:end], margin, begin) for begin, end in STRIPS)
     return right * factor, down * factor
 
@@ -83,7 +83,7 @@ def _found(strip: NDArray[Any], within: NDArray[Any], begin: int) -> tuple[float
     if np.ptp(strip) == 0:
         return -1.0, 0, 0
     _, best, _, (column, row) = cv2.minMaxLoc(cv2.matchTemplate(within, strip, cv2.TM_CCOEFF_NORMED))
-    return best, column - begin, row - UP_AND_DOWN
+    return best, column - begin, row - VERTICAL_SEARCH_PX
 
 
 def moved(boxes: NDArray[Any], flow: Floats, scale: float) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 
 from schemas.detections import Detection
 from schemas.image import ImageFrame
-from services.detector.pixels import glance
+from services.detector.pixels import small_grey_image
 from services.detector.runtime.overlap import boxes_of
 from services.detector.tracking.camera_motion import Motion
 from services.detector.tracking.confirmed_tracks import LEAST, NEUTRAL, ConfirmedTracks
@@ -84,7 +84,7 @@ class ByFlow:
     ) -> list[tuple[int, int]]:
         """See `Association.update`. Every object begins a track: evidence confirms them, not the first score."""
         del least
-        flow = self._motion.look(glance(frame, LOOKED_AT))
+        flow = self._motion.look(small_grey_image(frame, LOOKED_AT))
         labels = [each.label for each in objects]
         return self._tracker.update(boxes_of(objects), labels, flow, (frame.width, frame.height), frames_lost)
 

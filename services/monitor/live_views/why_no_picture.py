@@ -11,7 +11,7 @@ from services.monitor.fleet import Fleet
 from services.monitor.formats import natural
 
 WAITING: Final = "Nothing has arrived yet"
-PATIENCE: Final = "It has been requested; a model takes some seconds to warm up."
+MODEL_WARMING_UP: Final = "It has been requested; a model takes some seconds to warm up."
 FIRST_FRAME_TIMEOUT_S: Final = 20.0
 """Seconds after which a model is warm, so that a missing stream has another cause."""
 
@@ -117,7 +117,9 @@ def _of_workers(key: CameraKey, stream: Stream, service: str, facts: Facts) -> R
         return Reason("This model cannot do that", "; ".join(remarks))
     if facts.came:
         return Reason(LATE, OVERLOADED)
-    return Reason(WAITING, PATIENCE if facts.waited_s < FIRST_FRAME_TIMEOUT_S else _lasting(key, service, facts))
+    return Reason(
+        WAITING, MODEL_WARMING_UP if facts.waited_s < FIRST_FRAME_TIMEOUT_S else _lasting(key, service, facts)
+    )
 
 
 def _lasting(key: CameraKey, service: str, facts: Facts) -> str:

@@ -42,7 +42,7 @@ class RuleEngine:
 
     new_id: names alerts. most: subjects that are followed; of more, those that come later are left out.
     page: where the monitor's pages are, for links to objects.
-    What comes out is to be fetched with `due` after everything that went in.
+    Fetch results with `due` after all inputs.
     """
 
     def __init__(self, book: RuleBook, new_id: Callable[[], str], *, most: int = MAX_SUBJECTS, page: str = "") -> None:

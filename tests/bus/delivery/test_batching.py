@@ -8,7 +8,15 @@ from typing import Any
 import pytest
 import zenoh
 
-from bus.delivery.batching import AT_ONCE, BYTES_AT_ONCE, LONGEST_S, SHORTEST_S, TOGETHER, Gathering, next_wait_s
+from bus.delivery.batching import (
+    BYTES_AT_ONCE,
+    GOOD_BATCH_SAMPLES,
+    LONGEST_S,
+    MAX_BATCH_SAMPLES,
+    SHORTEST_S,
+    Gathering,
+    next_wait_s,
+)
 from tests.waiting import PATIENCE_S
 
 
@@ -44,7 +52,7 @@ class Letter:
 
 
 def test_what_waits_is_delivered_together_in_order_until_the_channel_is_closed() -> None:
-    channel = Channel(AT_ONCE + 2)
+    channel = Channel(MAX_BATCH_SAMPLES + 2)
     batches: list[Sequence[object]] = []
     whole = threading.Event()
 
@@ -58,7 +66,10 @@ def test_what_waits_is_delivered_together_in_order_until_the_channel_is_closed()
     channel.put("the last")
     channel.close()
     gathering.join(PATIENCE_S)
-    assert [list(batch) for batch in batches[:2]] == [list(range(AT_ONCE)), [AT_ONCE, AT_ONCE + 1]]
+    assert [list(batch) for batch in batches[:2]] == [
+        list(range(MAX_BATCH_SAMPLES)),
+        [MAX_BATCH_SAMPLES, MAX_BATCH_SAMPLES + 1],
+    ]
     assert batches[2:] == [["the last"]]
 
 
@@ -101,7 +112,7 @@ def test_what_cannot_be_delivered_keeps_nothing_else_from_it(caplog: pytest.LogC
 
 @pytest.mark.parametrize(
     ("per_s", "wait_s"),
-    [(1, LONGEST_S), (TOGETHER / LONGEST_S, LONGEST_S), (TOGETHER / 0.01, 0.01), (1e6, SHORTEST_S)],
+    [(1, LONGEST_S), (GOOD_BATCH_SAMPLES / LONGEST_S, LONGEST_S), (GOOD_BATCH_SAMPLES / 0.01, 0.01), (1e6, SHORTEST_S)],
 )
 def test_so_many_are_waited_for_but_never_long(per_s: float, wait_s: float) -> None:
     wait = SHORTEST_S

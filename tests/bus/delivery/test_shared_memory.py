@@ -1,4 +1,4 @@
-from bus.delivery.shared_memory import FRAMES, PATIENCE, READER_TIMEOUT_S, SMALLEST_BYTES, SharedFrames
+from bus.delivery.shared_memory import FRAMES, MAX_REFUSED_PAYLOADS, READER_TIMEOUT_S, SMALLEST_BYTES, SharedFrames
 from bus.delivery.split_payload import Pieces
 
 SIZE = 100_000
@@ -47,7 +47,7 @@ def test_room_grows_with_the_payloads_and_what_is_held_stays_whole() -> None:
 def test_what_is_never_let_go_of_is_left_to_who_holds_it() -> None:
     frames = SharedFrames()
     held = [frames.place(bytes([number]) * SIZE) for number in range(FRAMES)]
-    assert [frames.place(bytes(SIZE)) for _ in range(PATIENCE - 1)] == [None] * (PATIENCE - 1)
+    assert [frames.place(bytes(SIZE)) for _ in range(MAX_REFUSED_PAYLOADS - 1)] == [None] * (MAX_REFUSED_PAYLOADS - 1)
     again = [frames.place(b"x" * SIZE) for _ in range(FRAMES)]
     assert [bytes(each or b"")[:1] for each in again] == [b"x"] * FRAMES
     assert [bytes(each or b"")[:1] for each in held] == [bytes([number]) for number in range(FRAMES)]

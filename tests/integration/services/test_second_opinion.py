@@ -14,7 +14,7 @@ from schemas.alerts import Alert
 from schemas.detections import Box, ClassList, Detection
 from schemas.keys import CameraKey, Stream
 from schemas.status import BEYOND_USE, CameraLoad, WorkerStatus
-from services.detector.frame_counts import SPARED
+from services.detector.frame_counts import ABOVE_OPINION_RATE
 from services.detector.model import DetectedObjects, Outcome, Request
 from services.detector.process import work
 from services.detector.settings import DetectorSettings
@@ -112,7 +112,7 @@ async def the_other_one_harms_nobody(rig: FleetRig) -> None:
     in_force = await load_of(rig, "detector", "old", inferred=5 * HZ)
     assert sum(in_force.dropped.values()) < HZ
     other = await load_of(rig, "opinion", "new", inferred=12)
-    assert other.dropped[SPARED] > other.inferred
+    assert other.dropped[ABOVE_OPINION_RATE] > other.inferred
     after = await rig.stream_status("r1", "front", lambda status: status.wanted)
     assert after.forwarded >= before.forwarded + HZ
     assert after.dropped.get(BEYOND_USE, 0) == before.dropped.get(BEYOND_USE, 0)

@@ -7,7 +7,7 @@ from schemas.header import Header
 from schemas.keys import CameraKey
 from schemas.points import PointCloud
 from schemas.transforms import Transform, Transforms
-from services.cloud.waiting import DOUBLE, MAX_WAITING, NO_STAMP, POINTS_WAIT_S, REPLACED, UNSTAMPED, CloudJoiner
+from services.cloud.waiting import DUPLICATE, MAX_WAITING, NO_STAMP, POINTS_WAIT_S, REPLACED, UNSTAMPED, CloudJoiner
 from services.geometry.errors import TooOldError
 from services.geometry.transforms import OF_ITSELF
 from services.worker.stamp_joiner import DOUBLE as DOUBLE_STAMP
@@ -172,7 +172,7 @@ def test_the_same_detections_again_are_counted() -> None:
     rig.found(1, 1000)
     assert rig.took() == (1, 1000)
     assert rig.took() is None
-    assert rig.account.dropped[DOUBLE] == 1
+    assert rig.account.dropped[DUPLICATE] == 1
 
 
 def test_detections_of_a_worker_that_is_behind_another_take_no_newer_ones_place() -> None:
@@ -182,7 +182,7 @@ def test_detections_of_a_worker_that_is_behind_another_take_no_newer_ones_place(
     rig.points(1000, 1100)
     assert rig.took() == (2, 1100)
     assert rig.took() is None
-    assert (rig.account.dropped[DOUBLE], rig.account.dropped[REPLACED]) == (1, 0)
+    assert (rig.account.dropped[DUPLICATE], rig.account.dropped[REPLACED]) == (1, 0)
 
 
 def test_detections_of_another_gateway_process_count_anew() -> None:

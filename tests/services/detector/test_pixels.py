@@ -9,7 +9,7 @@ from backports import zstd
 from numpy.typing import NDArray
 
 from schemas.image import BYTES_PER_PIXEL, DEPTH_ENCODINGS, ImageFrame
-from services.detector.pixels import PictureError, glance, shows_colours, to_bgr
+from services.detector.pixels import ImageDecodeError, shows_colours, small_grey_image, to_bgr
 from tests.schemas.frames import header
 from tests.schemas.pictures import compressed, file_of
 
@@ -180,7 +180,7 @@ def test_a_glance_is_the_picture_in_grey_and_small(kind: str, width: int, shape:
         raw if kind == "raw" else compressed(file_of(scene(), f".{kind}"), "rgb8", 192, kind=kind, height=48, width=64)
     )
     expected = cv2.resize(cv2.cvtColor(scene(), cv2.COLOR_BGR2GRAY), shape[::-1], interpolation=cv2.INTER_AREA)
-    small = glance(made, width)
+    small = small_grey_image(made, width)
     assert small.shape == shape
     assert close(small, np.asarray(expected, np.uint8), tolerance=6)
 
@@ -191,13 +191,13 @@ def test_a_glance_at_a_flat_picture_has_a_row_at_least(size: tuple[int, int], sm
     pixels = np.full((height, width, 3), 99, np.uint8)
     jpeg = compressed(file_of(pixels, ".jpeg"), "rgb8", width * 3, kind="jpeg", height=height, width=width)
     for made in (frame("bgr8", pixels), jpeg):
-        assert glance(made, 160).shape == small
-        assert np.abs(glance(made, 160).astype(int) - 99).max() <= 1
+        assert small_grey_image(made, 160).shape == small
+        assert np.abs(small_grey_image(made, 160).astype(int) - 99).max() <= 1
 
 
 def test_a_damaged_jpeg_is_none_at_a_glance_either() -> None:
-    with pytest.raises(PictureError, match="a jpeg that cannot be decoded"):
-        glance(compressed(file_of(scene(), ".jpeg")[:200], "rgb8", 192, kind="jpeg", height=48, width=64), 8)
+    with pytest.raises(ImageDecodeError, match="a jpeg that cannot be decoded"):
+        small_grey_image(compressed(file_of(scene(), ".jpeg")[:200], "rgb8", 192, kind="jpeg", height=48, width=64), 8)
 
 
 def jpeg(data: bytes) -> ImageFrame:
@@ -225,11 +225,11 @@ def test_files_that_some_cameras_write_are_read_all_the_same(warning: str, capfd
     with pytest.raises(ValueError, match=warning):
         simplejpeg.decode_jpeg(odd)
     assert np.array_equal(to_bgr(jpeg(odd)), to_bgr(jpeg(file)))
-    seen, wanted = glance(jpeg(odd), 8).astype(int), glance(jpeg(file), 8)
+    seen, wanted = small_grey_image(jpeg(odd), 8).astype(int), small_grey_image(jpeg(file), 8)
     assert seen.shape == wanted.shape == (6, 8)
     assert np.abs(seen - wanted).mean() < 2
     for cut in (odd[:-60], odd[: len(odd) * 3 // 4]):
-        with pytest.raises(PictureError, match="a jpeg that cannot be decoded: "):
+        with pytest.raises(ImageDecodeError, match="a jpeg that cannot be decoded: "):
             to_bgr(jpeg(cut))
     assert capfd.readouterr() == ("", "")
 
@@ -242,7 +242,7 @@ def test_a_damaged_jpeg_is_no_half_grey_picture_and_writes_nothing_to_stderr(cap
         file[:middle],
         file[:middle] + b"\xff\x01" + file[middle:],
     ):
-        with pytest.raises(PictureError, match="a jpeg that cannot be decoded: "):
+        with pytest.raises(ImageDecodeError, match="a jpeg that cannot be decoded: "):
             to_bgr(jpeg(damaged))
     assert capfd.readouterr() == ("", "")
 
@@ -250,7 +250,7 @@ def test_a_damaged_jpeg_is_no_half_grey_picture_and_writes_nothing_to_stderr(cap
 @pytest.mark.parametrize("size", [45, 60])
 def test_a_damaged_file_is_said_to_be_one(size: int) -> None:
     data = file_of(scene(), ".png")[:size]
-    with pytest.raises(PictureError, match="a png that cannot be decoded"):
+    with pytest.raises(ImageDecodeError, match="a png that cannot be decoded"):
         to_bgr(compressed(data, "rgb8", 192, height=48, width=64))
 
 
@@ -275,7 +275,7 @@ def test_damaged_zstd_data_is_said_to_be_that_and_never_grows_beyond_the_frame()
     whole = frame("bgr8", BGR)
     good = zstd.compress(whole.data)
     for bad in (good[:-1], good + zstd.compress(bytes(9)), good + b"x", forged(whole.data.nbytes)):
-        with pytest.raises(PictureError, match="a zstd that cannot be decoded"):
+        with pytest.raises(ImageDecodeError, match="a zstd that cannot be decoded"):
             to_bgr(zipped(whole, bad))
 
 

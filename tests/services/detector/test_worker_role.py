@@ -15,7 +15,7 @@ from schemas.keys import Stream
 from schemas.status import WorkerStatus
 from schemas.tuning import Tuning
 from schemas.worker_keys import WorkerAlive
-from services.detector.frame_counts import SPARED
+from services.detector.frame_counts import ABOVE_OPINION_RATE
 from services.detector.process import DetectorWorker
 from services.detector.requests import answering
 from services.detector.worker_role import DETECTOR, OPINION
@@ -141,7 +141,7 @@ async def test_it_looks_at_few_of_many_frames_and_counts_the_others(rig: Rig) ->
             await asyncio.sleep(0.02)
         assert (await receive(lists, ClassList)).header.seq == 0
         load = (await loads_after(statuses, inferred=3))["front"]
-        while load.inferred + load.dropped[SPARED] < 50:
+        while load.inferred + load.dropped[ABOVE_OPINION_RATE] < 50:
             load = (await loads_after(statuses, inferred=3))["front"]
     assert load.inferred <= 12
 
@@ -155,7 +155,7 @@ async def test_frames_that_it_never_read_are_not_too_many(rig: Rig) -> None:
         await until(lambda: camera.wanted)
         for seq in range(5):
             camera.put(codec.encode(frame(seq)))
-        assert (await loads_after(statuses, inferred=1))["front"].dropped == {SPARED: 4}
+        assert (await loads_after(statuses, inferred=1))["front"].dropped == {ABOVE_OPINION_RATE: 4}
 
 
 async def test_it_spares_what_it_did_not_ask_for_though_others_did() -> None:
@@ -177,7 +177,7 @@ async def test_it_spares_what_it_did_not_ask_for_though_others_did() -> None:
             camera.put(codec.encode(frame(seq)))
             await asyncio.sleep(0.02)
         load = (await loads_after(statuses, inferred=1))["front"]
-        while load.inferred + load.dropped[SPARED] < 60:
+        while load.inferred + load.dropped[ABOVE_OPINION_RATE] < 60:
             load = (await loads_after(statuses, inferred=1))["front"]
         working.cancel()
     assert load.inferred <= 2

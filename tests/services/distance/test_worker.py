@@ -18,7 +18,7 @@ from schemas.distances import CameraView, Distances
 from schemas.keys import TF, TF_STATIC, CameraKey, RobotStreamKey, Stream, StreamKey
 from schemas.status import WorkerStatus
 from services.distance.camera import WAITED
-from services.distance.sensor_input import DOUBLE
+from services.distance.sensor_input import DUPLICATE
 from services.worker.stamp_joiner import FLUSHED
 from tests.services.distance.rig import FRONT, Robot, load, only, robot, working
 from tests.services.distance.scenes import (
@@ -265,7 +265,7 @@ async def test_the_same_detections_of_two_workers_are_measured_once(rig: Rig) ->
         rig.frame(2)
         assert (await receive(distances, Distances)).header.seq == 2
         account = await load(rig.bus, lambda of: of.inferred == 2)
-    assert account.dropped[DOUBLE] == 1
+    assert account.dropped[DUPLICATE] == 1
 
 
 async def test_detections_of_a_worker_that_is_behind_another_are_not_measured(rig: Rig) -> None:
@@ -276,7 +276,7 @@ async def test_detections_of_a_worker_that_is_behind_another_are_not_measured(ri
         rig.frame(3)
         assert [(await receive(distances, Distances)).header.seq for _ in range(2)] == [2, 3]
         account = await load(rig.bus, lambda of: of.inferred == 2)
-    assert account.dropped[DOUBLE] == 1
+    assert account.dropped[DUPLICATE] == 1
 
 
 async def test_depth_that_no_detections_came_for_is_counted(rig: Rig) -> None:

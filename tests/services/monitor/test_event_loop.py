@@ -13,10 +13,10 @@ import pytest
 from services.monitor import event_loop
 from services.monitor.event_loop import (
     AT_ONCE,
-    FULL_AFTER,
+    FULL_GC_AFTER,
+    GC_GEN0_THRESHOLD,
     LEAST,
     TURN_S,
-    YOUNG,
     CachedValue,
     arrivals_in_turns,
     in_turns,
@@ -135,10 +135,10 @@ async def test_what_is_old_is_looked_at_after_so_many_looks_at_what_is_new() -> 
 
     def is_there() -> bool:
         if gc.get_freeze_count() and not remains:
-            assert gc.get_threshold()[0] == YOUNG
+            assert gc.get_threshold()[0] == GC_GEN0_THRESHOLD
             knot = Knot()
             remains.append(weakref.ref(knot))
-            for _ in range(FULL_AFTER):
+            for _ in range(FULL_GC_AFTER):
                 gc.collect(1)
         return any(each() is not None for each in remains)
 

@@ -5,7 +5,7 @@ from typing import Final
 
 from services.simulator.film import Equipment, Film, Store
 from services.simulator.robot import Robot
-from services.simulator.topics import Stream, topics
+from services.simulator.topics import SimulatedStream, topics
 from services.simulator.world import Camera
 
 COLOR: Final = Camera.with_field_of_view(64, 48, 1.2)
@@ -24,8 +24,8 @@ def film(equipment: Equipment = ALIGNED, seed: int = 1) -> Film:
 
 
 def robot(
-    equipment: Equipment = ALIGNED, namespace: str = "", ahead: int = 0, streams: list[Stream] | None = None
+    equipment: Equipment = ALIGNED, namespace: str = "", ahead: int = 0, streams: list[SimulatedStream] | None = None
 ) -> Robot:
     """Return a robot with all streams unless told otherwise."""
-    published = topics(list(Stream) if streams is None else streams, aligned=equipment.aligned)
+    published = topics(list(SimulatedStream) if streams is None else streams, aligned=equipment.aligned)
     return Robot("r1", namespace, film(equipment), published, ahead)

@@ -10,7 +10,7 @@ from services.simulator.bags import START_NS, check_room, write_bags
 from services.simulator.errors import BagError
 from services.simulator.localisation import Drift, Localisation, Lost
 from services.simulator.robot import Robot
-from services.simulator.topics import Stream, topics
+from services.simulator.topics import SimulatedStream, topics
 from tests.services.simulator.small import film, robot
 from tests.waiting import until
 
@@ -31,7 +31,7 @@ async def written(bag: Path, robots: list[Robot], instants: int) -> list[tuple[s
 
 
 async def test_robots_take_turns_at_the_asked_rate_from_a_fixed_time(tmp_path: Path) -> None:
-    color = topics([Stream.COLOR], aligned=True)
+    color = topics([SimulatedStream.COLOR], aligned=True)
     fleet = [Robot(name, f"/{name}", film(), color) for name in ("r1", "r2")]
     found = await written(tmp_path / "out.bag", fleet, 3)
     stamps = {
@@ -52,7 +52,7 @@ async def test_the_same_robots_write_the_same_bag(tmp_path: Path) -> None:
 
 async def test_localisation_errs_in_a_bag_as_it_does_so_long_after_the_start(tmp_path: Path) -> None:
     error = Localisation(Drift(0.1), [Lost("r1", 0.4, 0.6)])
-    which = Robot("r1", "", film(), topics([Stream.COLOR], aligned=True), localisation=error)
+    which = Robot("r1", "", film(), topics([SimulatedStream.COLOR], aligned=True), localisation=error)
     found = await written(tmp_path / "out.bag", [which], 4)
     said = [data for topic, _, data in found if topic == "/tf"]
     for number, data in enumerate(said):

@@ -1,7 +1,7 @@
 from services.simulator.fleet import robots
 from services.simulator.localisation import Drift, Localisation, Lost
 from services.simulator.settings import SimulatorSettings
-from services.simulator.topics import Stream
+from services.simulator.topics import SimulatedStream
 
 SMALL = SimulatorSettings(robots=5, warehouses=2, width=64, height=48, depth_width=80, depth_height=40, seed=10)
 
@@ -23,7 +23,7 @@ def test_names_are_in_topics_where_robots_share_them() -> None:
 
 
 def test_depth_is_as_the_settings_say() -> None:
-    changed = {"robots": 1, "align_depth": False, "depth_encoding": "32FC1", "streams": [Stream.DEPTH]}
+    changed = {"robots": 1, "align_depth": False, "depth_encoding": "32FC1", "streams": [SimulatedStream.DEPTH]}
     (robot,) = robots(SMALL.model_copy(update=changed), namespaced=False)
     equipment = robot.film.equipment
     assert (equipment.aligned, equipment.metric) == (False, True)

@@ -16,7 +16,7 @@ from services.simulator.film import Film, Part, Store
 from services.simulator.live import LiveRobot
 from services.simulator.robot import Robot
 from services.simulator.ros_master.master import RosMaster
-from services.simulator.topics import Content, Stream, topics
+from services.simulator.topics import Content, SimulatedStream, topics
 from services.simulator.world import ChangingWorld, generate
 from tests.services.simulator.small import ALIGNED, FRAMES, HZ, PLENTY
 from tests.waiting import until
@@ -26,7 +26,7 @@ COLOR_TOPIC = "/camera/color/image_raw"
 
 @pytest.fixture
 def robot() -> Robot:
-    return Robot("r1", "", Film(1, ALIGNED, FRAMES, HZ, Store(PLENTY)), topics(list(Stream), aligned=True))
+    return Robot("r1", "", Film(1, ALIGNED, FRAMES, HZ, Store(PLENTY)), topics(list(SimulatedStream), aligned=True))
 
 
 @asynccontextmanager
@@ -67,7 +67,7 @@ async def test_colour_is_sent_while_somebody_subscribes_and_nothing_else_is_meas
 async def test_a_changing_world_is_seen_as_it_is_since_the_fleet_began() -> None:
     world = ChangingWorld(generate(1), 20.0)
     film = Film(1, ALIGNED, FRAMES, HZ, Store(PLENTY), world=world)
-    robot = Robot("r1", "", film, topics([Stream.COLOR], aligned=True))
+    robot = Robot("r1", "", film, topics([SimulatedStream.COLOR], aligned=True))
     begun_s = asyncio.get_running_loop().time() - 200.0
     received: asyncio.Queue[Message] = asyncio.Queue()
     async with (

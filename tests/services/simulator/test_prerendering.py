@@ -6,10 +6,10 @@ import pytest
 from services.simulator.film import Film, Part, Store
 from services.simulator.process import prerender
 from services.simulator.robot import Robot
-from services.simulator.topics import Stream, topics
+from services.simulator.topics import SimulatedStream, topics
 from tests.services.simulator.small import ALIGNED, FRAMES, HZ, PLENTY
 
-COLOR_AND_DEPTH = topics([Stream.COLOR, Stream.DEPTH], aligned=True)
+COLOR_AND_DEPTH = topics([SimulatedStream.COLOR, SimulatedStream.DEPTH], aligned=True)
 
 
 def fleet(limit: int) -> list[Robot]:

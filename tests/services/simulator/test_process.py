@@ -12,11 +12,11 @@ from services.simulator.errors import MasterError
 from services.simulator.fleet import robots
 from services.simulator.process import run
 from services.simulator.settings import SimulatorSettings
-from services.simulator.topics import Content, Stream
+from services.simulator.topics import Content, SimulatedStream
 from services.toolbox.demo.children import free_ports
 
 SMALL = SimulatorSettings(
-    robots=2, hz=20, width=64, height=48, frames=2, warehouses=1, streams=[Stream.COLOR], ros_master=None
+    robots=2, hz=20, width=64, height=48, frames=2, warehouses=1, streams=[SimulatedStream.COLOR], ros_master=None
 )
 
 
@@ -44,7 +44,7 @@ async def test_any_port_is_a_port_of_its_own_for_each_master(caplog: pytest.LogC
 
 
 async def test_bags_of_a_changing_world_show_it_as_it_is_at_their_stamps(tmp_path: Path) -> None:
-    changed = {"changes_per_minute": 20, "seconds": 60, "hz": 0.2, "streams": [Stream.LIDAR], "warehouses": 1}
+    changed = {"changes_per_minute": 20, "seconds": 60, "hz": 0.2, "streams": [SimulatedStream.LIDAR], "warehouses": 1}
     bags = [tmp_path / name for name in ("one.bag", "other.bag", "still.bag")]
     for bag, per_minute in zip(bags, (20, 20, 0), strict=True):
         await run(SMALL.model_copy(update={**changed, "bag": bag, "changes_per_minute": per_minute}))

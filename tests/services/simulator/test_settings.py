@@ -3,7 +3,7 @@ from pydantic import ValidationError
 
 from services.simulator.localisation import Lost
 from services.simulator.settings import SimulatorSettings
-from services.simulator.topics import Stream
+from services.simulator.topics import SimulatedStream
 
 
 @pytest.fixture(autouse=True)
@@ -58,7 +58,7 @@ def test_what_is_wrong_is_named(field: str, value: object) -> None:
 
 def test_a_robot_has_all_its_sensors_unless_told_otherwise() -> None:
     assert SimulatorSettings().streams == ["color", "depth", "points", "lidar"]
-    assert SimulatorSettings.model_validate({"streams": ["depth"]}).streams == [Stream.DEPTH]
+    assert SimulatorSettings.model_validate({"streams": ["depth"]}).streams == [SimulatedStream.DEPTH]
 
 
 def test_a_world_that_changes_cannot_be_rendered_before() -> None:

@@ -78,7 +78,7 @@ OPEN_COLUMNS: Final = (
     Column("robot", "Where"),
     Column("state", "State"),
     Column("raised", "Raised", align="right"),
-    Column("deeds", "Actions", sortable=False, align="right"),
+    Column("actions", "Actions", sortable=False, align="right"),
 )
 
 ENDED_COLUMNS: Final = (
@@ -138,7 +138,7 @@ class _Alerts:
             self._open = LiveTable(
                 OPEN_COLUMNS, self._load_open, row_key="id", sort="severity", body=OPEN_BODY, card=CARD
             )
-            self._open.table.on("deed", self._do)
+            self._open.table.on("action", self._do)
             self._unknown = ui.element("div")
             with self._unknown:
                 nothing_yet(
@@ -229,7 +229,7 @@ class _Alerts:
         await self._open.begin()
 
     async def _do(self, event: events.GenericEventArguments) -> None:
-        deed, alert_id = AlertAction(event.args[0]), str(event.args[1])
+        action, alert_id = AlertAction(event.args[0]), str(event.args[1])
         if not self._visitor.may_act:
             ui.notify("Only operators may do that.", type="warning")
             return
@@ -237,9 +237,9 @@ class _Alerts:
             AlertAction.ACKNOWLEDGE: self._monitor.acknowledge,
             AlertAction.ESCALATE: self._monitor.escalate,
             AlertAction.RESOLVE: self._monitor.resolve,
-        }[deed]
+        }[action]
         try:
-            if deed is AlertAction.RESOLVE and not await self._means_it(alert_id):
+            if action is AlertAction.RESOLVE and not await self._means_it(alert_id):
                 return
             do(alert_id, by=self._visitor.name)
         except UnknownAlertError:

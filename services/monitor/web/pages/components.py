@@ -77,7 +77,7 @@ IN_VIEW: Final = "/in-view"
 PLACES: Final = (FLEET, INVENTORY, ALERTS, MAP, HEALTH)
 
 
-class Links:
+class NavigationLinks:
     """The navigation links; the one to the alerts shows the number of open alerts in the colour of the most severe."""
 
     def __init__(self, here: PageLink | None, places: Sequence[PageLink] = PLACES) -> None:

@@ -18,7 +18,7 @@ from services.monitor.history.state import HistoryError
 from services.monitor.monitor import Monitor
 from services.monitor.web.auth.routes import notice
 from services.monitor.web.auth.users import Visitor, visitor_of
-from services.monitor.web.pages.components import PLACES, WAREHOUSES, Links, PageLink, icon_of, still
+from services.monitor.web.pages.components import PLACES, WAREHOUSES, NavigationLinks, PageLink, icon_of, still
 
 MOST_OPEN: Final = 50
 """Maximum number of pages per visitor."""
@@ -160,14 +160,14 @@ async def page_frame(
     ui.page_title(f"{title} \N{MIDDLE DOT} fleetsight")
     ui.add_css(STYLE)
     ui.add_body_html(LOG_IN_AGAIN)
-    links: list[Links] = []
+    links: list[NavigationLinks] = []
     still(escape(title), tag="h1").classes("fs-unseen")
     if bars:
         places = (WAREHOUSES, *PLACES) if monitor.fleet.warehouses else PLACES
         links.append(_bar(visitor, here, places))
         await pause()
         with ui.footer(elevated=False).classes("fs-footer"):
-            links.append(Links(here, places))
+            links.append(NavigationLinks(here, places))
     else:
         ui.dark_mode(THEMES[_chosen_theme()].dark)
     banners = _Banners(monitor)
@@ -238,11 +238,11 @@ def export_link(monitor: Monitor, what: str) -> None:
         link.classes("fs-link fs-small").props("download")
 
 
-def _bar(visitor: Visitor, here: PageLink | None, places: Sequence[PageLink]) -> Links:
+def _bar(visitor: Visitor, here: PageLink | None, places: Sequence[PageLink]) -> NavigationLinks:
     with ui.header(elevated=False).classes("fs-header"):
         with ui.link(target="/").classes("fs-brand"):
             still("fleet<b>sight</b>", tag="span")
-        links = Links(here, places)
+        links = NavigationLinks(here, places)
         with ui.element("div").classes("fs-who"):
             ui.label(visitor.name).classes("fs-name").tooltip(f"signed in as {visitor.role}")
             _theme_button()

@@ -14,7 +14,7 @@ from tests.waiting import until
 
 
 class Recorder:
-    """A customer that keeps what it gets."""
+    """A client that keeps what it gets."""
 
     def __init__(self) -> None:
         self.made: list[Shaped] = []
@@ -23,7 +23,7 @@ class Recorder:
     def shaped(self, made: Shaped) -> None:
         self.made.append(made)
 
-    def spoilt(self, error: Exception) -> None:
+    def on_error(self, error: Exception) -> None:
         self.errors.append(str(error))
 
 
@@ -52,20 +52,20 @@ def test_a_job_scales_and_compresses() -> None:
 
 
 async def test_frames_come_back_in_order() -> None:
-    customer = Recorder()
+    client = Recorder()
     async with working() as workshop:
         for value in range(5):
-            assert workshop.bring(customer, job(value)) == 0
-            await until(lambda value=value: len(customer.made) == value + 1, "it is shaped")  # type: ignore[misc]
-            assert not workshop.is_busy_for(customer)
-    assert [value_of(made) for made in customer.made] == [0, 1, 2, 3, 4]
+            assert workshop.submit(client, job(value)) == 0
+            await until(lambda value=value: len(client.made) == value + 1, "it is shaped")  # type: ignore[misc]
+            assert not workshop.is_busy_for(client)
+    assert [value_of(made) for made in client.made] == [0, 1, 2, 3, 4]
 
 
-async def test_of_each_customer_the_newest_waits_and_all_are_served_in_turn() -> None:
+async def test_of_each_client_the_newest_waits_and_all_are_served_in_turn() -> None:
     one, other = Recorder(), Recorder()
     workshop = EncoderPool()
-    assert [workshop.bring(one, job(value)) for value in range(3)] == [0, 1, 1]
-    assert workshop.bring(other, job(9)) == 0
+    assert [workshop.submit(one, job(value)) for value in range(3)] == [0, 1, 1]
+    assert workshop.submit(other, job(9)) == 0
     assert workshop.is_busy_for(one)
     running = asyncio.create_task(workshop.run())
     await until(lambda: one.made and other.made, "both are served")
@@ -75,14 +75,14 @@ async def test_of_each_customer_the_newest_waits_and_all_are_served_in_turn() ->
 
 
 async def test_a_frame_that_cannot_be_shaped_spoils_itself_only() -> None:
-    customer = Recorder()
+    client = Recorder()
     file = compressed(file_of(picture(4, 6), ".png"), "rgb8", 18)
     async with working() as workshop:
-        workshop.bring(customer, EncodeJob(file, 2, LOSSY))
-        await until(lambda: customer.errors, "it is spoilt")
-        workshop.bring(customer, job(7))
-        await until(lambda: customer.made, "the next one is shaped")
-    (error,) = customer.errors
+        workshop.submit(client, EncodeJob(file, 2, LOSSY))
+        await until(lambda: client.errors, "it is spoilt")
+        workshop.submit(client, job(7))
+        await until(lambda: client.made, "the next one is shaped")
+    (error,) = client.errors
     assert error.startswith("a png that arrived as one cannot be scaled")
 
 
@@ -90,14 +90,14 @@ async def test_who_left_is_told_nothing() -> None:
     gone, other = Recorder(), Recorder()
     async with working() as workshop:
         for served in (False, True):
-            workshop.bring(gone, EncodeJob(frame("rgb8", picture(1000, 1000)), 1, LOSSY))
+            workshop.submit(gone, EncodeJob(frame("rgb8", picture(1000, 1000)), 1, LOSSY))
             if served:
                 await asyncio.sleep(0)
                 await asyncio.sleep(0)
-            workshop.bring(gone, job())
+            workshop.submit(gone, job())
             assert workshop.leave(gone) == 1 + served
             assert not workshop.is_busy_for(gone)
-        workshop.bring(other, job())
+        workshop.submit(other, job())
         await until(lambda: other.made, "the other one is served")
     assert not gone.made
     assert not gone.errors

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.to_bus.shaping.frame_rates import ALONE, SAME_NS, Instants, StreamRate
+from gateway.to_bus.shaping.frame_rates import SAME_NS, UNMATCHED_LIMIT, Instants, StreamRate
 from gateway.to_bus.shaping.token_bucket import SECOND_NS
 
 MS = 1_000_000
@@ -266,10 +266,10 @@ def test_streams_share_a_moment_and_one_that_is_alone_has_none() -> None:
     assert second is not None
     assert (second.of, second.number > first.number, second.begun) == (first.of, True, False)
     lidar = []
-    for n in range(3, ALONE + 5):
+    for n in range(3, UNMATCHED_LIMIT + 5):
         instants.moment("color", n * SECOND_NS, 0)
         lidar.append(instants.moment("points", n * SECOND_NS + SECOND_NS // 2, 0))
-    assert None not in lidar[:ALONE]
+    assert None not in lidar[:UNMATCHED_LIMIT]
     assert lidar[-1] is None
 
 

@@ -3,7 +3,7 @@ import msgspec
 from schemas.header import LONGEST_GAP, Header
 from schemas.keys import CameraKey
 from schemas.status import MISSING
-from services.detector.frame_counts import DOUBLE, FAILED, MALFORMED, REPLACED, SPARED, STALE, FrameCounts
+from services.detector.frame_counts import ABOVE_OPINION_RATE, DOUBLE, FAILED, MALFORMED, REPLACED, STALE, FrameCounts
 from tests.schemas.frames import header
 
 
@@ -72,11 +72,11 @@ def test_a_malformed_frame_is_counted_once_and_is_no_gap() -> None:
 
 
 def test_what_was_replaced_unread_may_have_another_reason() -> None:
-    made = FrameCounts(CameraKey("r1", "front"), unread=SPARED)
+    made = FrameCounts(CameraKey("r1", "front"), unread=ABOVE_OPINION_RATE)
     made.arrived(about(3), 0)
     made.arrived(about(6), 2)
     made.malformed(replaced=1)
-    assert made.load(serving=True).dropped == {SPARED: 3, MALFORMED: 1}
+    assert made.load(serving=True).dropped == {ABOVE_OPINION_RATE: 3, MALFORMED: 1}
     assert made.too_many == 0
 
 

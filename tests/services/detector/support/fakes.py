@@ -12,7 +12,7 @@ from schemas.detections import Box, Detection
 from schemas.tuning import Tuning
 from services.detector.frame_counts import FAILED, MALFORMED
 from services.detector.model import DetectedObjects, Failed, ModelError, Outcome, Request, TuningError
-from services.detector.pixels import PictureError, to_bgr
+from services.detector.pixels import ImageDecodeError, to_bgr
 from services.detector.runtime.masks import encode_all
 from services.geometry.masks import Window
 
@@ -65,7 +65,7 @@ class FakeModel:
         self.called.release()
         try:
             image = to_bgr(request.frame)
-        except PictureError as error:
+        except ImageDecodeError as error:
             return Failed(MALFORMED, error)
         self.seen.append(image)
         self.may_answer.wait(60)

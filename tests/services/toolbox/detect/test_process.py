@@ -196,7 +196,7 @@ class BusyModel(FakeModel):
 async def test_workers_that_are_busy_are_asked_again_until_the_time_is_up(
     image: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(asking, "AGAIN_S", (0.01, 0.02))
+    monkeypatch.setattr(asking, "BUSY_RETRY_S", (0.01, 0.02))
     model = BusyModel(3)
     async with workers([model]) as endpoint:
         assert await run(settings(image, endpoint)) == 0
@@ -212,7 +212,7 @@ async def test_workers_that_are_busy_are_asked_again_until_the_time_is_up(
 async def test_a_worker_that_was_busy_is_no_slow_one_for_the_little_time_that_was_left(
     image: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(asking, "AGAIN_S", (0.01, 0.02))
+    monkeypatch.setattr(asking, "BUSY_RETRY_S", (0.01, 0.02))
     model = BusyModel(1)
     model.may_answer.clear()
     async with workers([model]) as endpoint:

@@ -37,7 +37,7 @@ class Panel(StrEnum):
     ALERTS = "alerts"
 
 
-DEEDS: Final = {
+ALERT_ACTIONS: Final = {
     AlertState.RAISED: (AlertAction.ACKNOWLEDGE, AlertAction.ESCALATE, AlertAction.RESOLVE),
     AlertState.ACKNOWLEDGED: (AlertAction.ESCALATE, AlertAction.RESOLVE),
     AlertState.ESCALATED: (AlertAction.ACKNOWLEDGE, AlertAction.RESOLVE),
@@ -132,7 +132,7 @@ def alert_row(alert: Alert, acts: Sequence[Act], now_ns: int, *, may_act: bool, 
         "ended": ago(alert.changed_ns, now_ns) if alert.state is AlertState.RESOLVED else "",
         "ended_at": iso(alert.changed_ns),
         "acts": [f"{act.state} by {act.who}, {ago(act.at_ns, now_ns)}" for act in acts],
-        "deeds": [str(deed) for deed in DEEDS[alert.state]] if may_act else [],
+        "actions": [str(action) for action in ALERT_ACTIONS[alert.state]] if may_act else [],
     }
 
 
@@ -152,9 +152,10 @@ WHERE: Final = """
 <a v-if="props.row.object" class="fs-link" :href="props.row.href">{{ props.row.object }}</a>
 """
 
-DEED_BUTTONS: Final = """
-<q-btn v-for="deed in props.row.deeds" :key="deed" flat dense no-caps color="primary" class="q-px-sm" :label="deed"
-  @click="$parent.$emit('deed', [deed, props.row.id])" :aria-label="deed + ' ' + props.row.text" />
+ACTION_BUTTONS: Final = """
+<q-btn v-for="action in props.row.actions" :key="action" flat dense no-caps color="primary" class="q-px-sm"
+  :label="action" :aria-label="action + ' ' + props.row.text"
+  @click="$parent.$emit('action', [action, props.row.id])" />
 """
 
 SAID: Final = """
@@ -171,7 +172,7 @@ OPEN_BODY: Final = f"""
   <q-td key="robot" :props="props" class="fs-where">{WHERE}</q-td>
   <q-td key="state" :props="props">{{{{ props.row.state }}}}</q-td>
   <q-td key="raised" :props="props" {WHEN.format(at="props.row.raised_at")}>{{{{ props.row.raised }}}}</q-td>
-  <q-td key="deeds" :props="props" class="fs-deeds">{DEED_BUTTONS}</q-td>
+  <q-td key="actions" :props="props" class="fs-actions">{ACTION_BUTTONS}</q-td>
 </q-tr>
 """
 
@@ -191,6 +192,6 @@ CARD: Final = f"""
     <span class="fs-muted fs-small">{{{{ props.row.ended || props.row.raised }}}}</span></div>
   <div>{SAID}</div>
   <div class="fs-top"><span>{WHERE}</span></div>
-  <div v-if="props.row.deeds.length" class="fs-deeds">{DEED_BUTTONS}</div>
+  <div v-if="props.row.actions.length" class="fs-actions">{ACTION_BUTTONS}</div>
 </div>
 """

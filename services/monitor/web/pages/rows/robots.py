@@ -142,7 +142,7 @@ class Survey:
     """
 
     def __init__(self, fleet_view: FleetView, summaries: Sequence[RobotSummary]) -> None:
-        self._glance = fleet_view
+        self._fleet_view = fleet_view
         self._summaries = summaries
         self._by_name = {each.name: each for each in summaries}
         self.now_ns = fleet_view.now_ns
@@ -160,7 +160,7 @@ class Survey:
 
     def robot(self, name: str) -> RobotRow:
         """Return the full data of a robot."""
-        return robot_of(self._glance, self._by_name[name])
+        return robot_of(self._fleet_view, self._by_name[name])
 
     async def robots(self, wanted: RobotFilter) -> Sequence[str]:
         """Return the names of the selected robots in the given order."""
@@ -181,12 +181,14 @@ class Survey:
         """Return the online cameras that no detector serves."""
         if self._unserved is None:
             self._unserved = [
-                key async for key in in_turns(cameras_in_order(self._glance.cameras)) if _is_unserved(self._glance, key)
+                key
+                async for key in in_turns(cameras_in_order(self._fleet_view.cameras))
+                if _is_unserved(self._fleet_view, key)
             ]
         return self._unserved
 
     def _drops(self, name: str) -> int:
-        return self._glance.drops(name, self._glance.cameras_of(name))
+        return self._fleet_view.drops(name, self._fleet_view.cameras_of(name))
 
 
 def _has(robot: RobotSummary, text: str) -> bool:

@@ -71,7 +71,7 @@ def test_alerts_are_chosen_by_severity_and_text() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "deeds"),
+    ("state", "actions"),
     [
         (AlertState.RAISED, ["acknowledge", "escalate", "resolve"]),
         (AlertState.ACKNOWLEDGED, ["escalate", "resolve"]),
@@ -79,9 +79,9 @@ def test_alerts_are_chosen_by_severity_and_text() -> None:
         (AlertState.RESOLVED, []),
     ],
 )
-def test_what_may_be_done_depends_on_the_state_and_on_who_looks(state: AlertState, deeds: list[str]) -> None:
-    assert alert_row(alert(1, state=state), (), 0, may_act=True)["deeds"] == deeds
-    assert alert_row(alert(1, state=state), (), 0, may_act=False)["deeds"] == []
+def test_what_may_be_done_depends_on_the_state_and_on_who_looks(state: AlertState, actions: list[str]) -> None:
+    assert alert_row(alert(1, state=state), (), 0, may_act=True)["actions"] == actions
+    assert alert_row(alert(1, state=state), (), 0, may_act=False)["actions"] == []
 
 
 def test_who_did_what_is_said() -> None:
