@@ -8,6 +8,7 @@ import uuid
 from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 from bus import BusSettings, open_bus
@@ -153,7 +154,7 @@ async def _run(settings: GatewaySettings) -> int:
             max_message_bytes=settings.max_message_bytes,
         )
         explorer = Explorer(node, settings.wishes(), settings.unused)
-        returns = [Return(stream) for stream in _robot_returns(settings)]
+        returns = [Return(stream) for stream in _robot_returns(settings, clock)]
         account = GatewayCounters(settings, boot_id, machine, node, clock, explorer, offers, returns)
         await explorer.begin(offers)
         async with answering(bus, node, settings, boot_id, clock), bus.announce(keys.robot_alive(settings.robot)):
@@ -197,11 +198,16 @@ def _camera_returns(settings: GatewaySettings, camera: CameraKey, root: str) -> 
     return camera_returns(camera, root, settings.names().resolve) if settings.results else []
 
 
-def _robot_returns(settings: GatewaySettings) -> list[StreamReturn[Any]]:
+def _ros_time_ns(clock: SimClock) -> int:
+    return time.time_ns() if (simulated := clock.ros_time_ns) is None else simulated
+
+
+def _robot_returns(settings: GatewaySettings, clock: SimClock) -> list[StreamReturn[Any]]:
     resolve = settings.names().resolve
     results: list[StreamReturn[Any]] = []
     if settings.results:
         results.append(alerts_return(settings.robot, resolve))
-        results.extend(world_returns(settings.robot, resolve, own=settings.own_obstacles))
+        now = partial(_ros_time_ns, clock)
+        results.extend(world_returns(settings.robot, resolve, own=settings.own_obstacles, ros_time_ns=now))
     before = DoneActions(state_folder(), settings.robot)
     return [*results, actions_return(settings.robot, settings.actions, resolve, before)]

@@ -57,10 +57,10 @@ def outline(each: WorldObject) -> Floats:
     return np.concatenate([np.column_stack([turned, np.full(len(turned), z)]) for z in heights])
 
 
-def obstacles(seen: NearbyObjects, number: int, *, own: bool = True) -> bytes:
+def obstacles(seen: NearbyObjects, number: int, stamp_ns: int, *, own: bool = True) -> bytes:
     """Translate NearbyObjects: a PointCloud2 of the sides of all boxes, for a costmap's obstacle layer.
 
-    own: with what the robot itself sees now.
+    stamp_ns: ROS time now; the world model's clock may be another. own: with what the robot itself sees now.
 
     Raises:
         MessageError: what ROS's fields cannot hold.
@@ -69,7 +69,7 @@ def obstacles(seen: NearbyObjects, number: int, *, own: bool = True) -> bytes:
     points = np.concatenate([np.zeros((0, 3)), *boxes]).astype("<f4")
     return encode_point_cloud(
         PointCloud(
-            stamp=seen.sent_ns,
+            stamp=stamp_ns,
             frame_id=seen.frame_id,
             height=1,
             width=len(points),
@@ -101,15 +101,15 @@ FADED_S: Final = 600.0
 FAINTEST: Final = 0.25
 
 
-def markers(seen: NearbyObjects, number: int) -> bytes:
+def markers(seen: NearbyObjects, number: int, stamp_ns: int) -> bytes:
     """Translate NearbyObjects: a MarkerArray of a box and a name for each object, faded by age.
 
-    Namespace and id of an object's markers are the same as long as its id is.
+    stamp_ns: ROS time now. Namespace and id of an object's markers are the same as long as its id is.
 
     Raises:
         MessageError: what ROS's fields cannot hold.
     """
-    made = [marker for each in seen.objects for marker in _markers(each, seen, number)]
+    made = [marker for each in seen.objects for marker in _markers(each, seen, _Stamp(number, stamp_ns))]
     return serialise(MARKERS, new_message(MARKERS, markers=made))
 
 
@@ -125,7 +125,15 @@ class _Shape:
     text: str = ""
 
 
-def _markers(each: WorldObject, seen: NearbyObjects, number: int) -> list[Any]:
+@dataclass(frozen=True, slots=True)
+class _Stamp:
+    """The number of a message, and ROS time when it is sent."""
+
+    number: int
+    at_ns: int
+
+
+def _markers(each: WorldObject, seen: NearbyObjects, stamp: _Stamp) -> list[Any]:
     age_s = max(0.0, (seen.sent_ns - each.last_ns) / NS)
     alpha = max(FAINTEST, 1 - (1 - FAINTEST) * age_s / FADED_S)
     length, width, height = (max(side, SPACING_M) for side in each.size)
@@ -141,15 +149,16 @@ def _markers(each: WorldObject, seen: NearbyObjects, number: int) -> list[Any]:
             f"{each.name} {each.id}",
         ),
     )
-    return [_marker(shape, each, seen, number) for shape in shapes]
+    return [_marker(shape, each, seen.frame_id, stamp) for shape in shapes]
 
 
-def _marker(shape: _Shape, each: WorldObject, seen: NearbyObjects, number: int) -> Any:
+def _marker(shape: _Shape, each: WorldObject, frame_id: str, stamp: _Stamp) -> Any:
     half = (each.yaw or 0.0) / 2
-    stamp = Time(*divmod(seen.sent_ns, NS))
     return new_message(
         "visualization_msgs/Marker",
-        header=new_message("std_msgs/Header", seq=number, stamp=stamp, frame_id=seen.frame_id),
+        header=new_message(
+            "std_msgs/Header", seq=stamp.number, stamp=Time(*divmod(stamp.at_ns, NS)), frame_id=frame_id
+        ),
         ns=shape.namespace,
         id=marker_id(each.id),
         type=shape.kind,
@@ -185,15 +194,24 @@ def colour(name: str) -> tuple[float, float, float]:
     return colorsys.hls_to_rgb(zlib.crc32(name.encode()) / 2**32, 0.5, 0.8)
 
 
-def world_returns(robot: str, resolve: Callable[[str], str], *, own: bool) -> list[StreamReturn[NearbyObjects]]:
+def world_returns(
+    robot: str, resolve: Callable[[str], str], *, own: bool, ros_time_ns: Callable[[], int]
+) -> list[StreamReturn[NearbyObjects]]:
     """Return the two streams of what is near a robot. own: obstacles with what the robot itself sees now.
 
-    resolve: a name to a global ROS name for the gateway's node.
+    resolve: a name to a global ROS name for the gateway's node. ros_time_ns: tells the time, which may be simulated.
     """
     key = RobotStreamKey(robot, NEARBY)
+
+    def cloud(seen: NearbyObjects, number: int) -> bytes:
+        return obstacles(seen, number, ros_time_ns(), own=own)
+
+    def boxes(seen: NearbyObjects, number: int) -> bytes:
+        return markers(seen, number, ros_time_ns())
+
     made = (
-        (OBSTACLES_TOPIC, Translator(NearbyObjects, ros_point_cloud.TYPE_NAME, _obstacles(own=own), heavy=True)),
-        (OBJECTS_TOPIC, Translator(NearbyObjects, MARKERS, markers, heavy=True)),
+        (OBSTACLES_TOPIC, Translator(NearbyObjects, ros_point_cloud.TYPE_NAME, cloud, heavy=True)),
+        (OBJECTS_TOPIC, Translator(NearbyObjects, MARKERS, boxes, heavy=True)),
     )
     return [
         StreamReturn(
@@ -201,7 +219,3 @@ def world_returns(robot: str, resolve: Callable[[str], str], *, own: bool) -> li
         )
         for topic, translator in made
     ]
-
-
-def _obstacles(*, own: bool) -> Callable[[NearbyObjects, int], bytes]:
-    return lambda seen, number: obstacles(seen, number, own=own)

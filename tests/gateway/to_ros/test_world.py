@@ -54,7 +54,7 @@ def points(message: bytes) -> NDArray[np.float32]:
 
 
 def test_an_obstacle_is_the_sides_of_a_box() -> None:
-    found = points(obstacles(nearby(known()), 1))
+    found = points(obstacles(nearby(known()), 1, NOW_NS))
     assert found.min(axis=0) == pytest.approx([1.4, 0.6, 0.05])
     assert found.max(axis=0) == pytest.approx([2.6, 1.4, 0.95])
     on_side = np.isclose(abs(found[:, 0] - 2), 0.6, atol=1e-5) | np.isclose(abs(found[:, 1] - 1), 0.4, atol=1e-5)
@@ -88,17 +88,19 @@ def test_what_the_robot_itself_sees_may_be_left_out() -> None:
     earlier = known("earlier", at=(9.0, 0.0, 0.5), seen_by=[Seer(robot="r1", camera="front", last_ns=NOW_NS - 5 * S)])
     others = known("others", at=(20.0, 0.0, 0.5), seen_by=[Seer(robot="r2", camera="front", last_ns=NOW_NS)])
     everything = nearby(mine, earlier, others)
-    assert len(points(obstacles(everything, 1))) == 3 * len(outline(mine))
-    assert points(obstacles(everything, 1, own=False))[:, 0].min() > 8
+    assert len(points(obstacles(everything, 1, NOW_NS))) == 3 * len(outline(mine))
+    assert points(obstacles(everything, 1, NOW_NS, own=False))[:, 0].min() > 8
 
 
 def test_nothing_near_is_an_empty_cloud_which_clears_the_last_one() -> None:
-    cloud = deserialise(point_cloud.TYPE_NAME, obstacles(nearby(), 7))
+    cloud = deserialise(point_cloud.TYPE_NAME, obstacles(nearby(), 7, NOW_NS))
     assert (cloud.width, cloud.header.frame_id, cloud.header.seq) == (0, "map", 7)
 
 
 def test_each_object_has_a_box_and_a_name_with_a_lasting_id() -> None:
-    first, again = (deserialise(MARKERS, markers(nearby(known(at=at)), 1)).markers for at in ((2, 1, 0.5), (3, 1, 0.5)))
+    first, again = (
+        deserialise(MARKERS, markers(nearby(known(at=at)), 1, NOW_NS)).markers for at in ((2, 1, 0.5), (3, 1, 0.5))
+    )
     box, name = first
     assert (box.ns, box.type, box.id) == ("pallet", 1, marker_id("a-1"))
     assert (name.ns, name.type, name.text) == ("pallet names", 9, "pallet a-1")
@@ -111,21 +113,21 @@ def test_each_object_has_a_box_and_a_name_with_a_lasting_id() -> None:
 
 
 def test_the_heading_is_a_unit_quaternion() -> None:
-    box, _ = deserialise(MARKERS, markers(nearby(known(yaw=1.0)), 1)).markers
+    box, _ = deserialise(MARKERS, markers(nearby(known(yaw=1.0)), 1, NOW_NS)).markers
     turned = box.pose.orientation
     assert (turned.z, turned.w) == pytest.approx((np.sin(0.5), np.cos(0.5)))
 
 
 def test_what_was_seen_long_ago_is_faint() -> None:
     fresh, old = (
-        deserialise(MARKERS, markers(nearby(known(last_ns=last_ns)), 1)).markers[1].color.a
+        deserialise(MARKERS, markers(nearby(known(last_ns=last_ns)), 1, NOW_NS)).markers[1].color.a
         for last_ns in (NOW_NS, NOW_NS - 10_000 * S)
     )
     assert (fresh, old) == pytest.approx((1.0, FAINTEST))
 
 
 def test_each_message_is_returned_once_on_each_topic() -> None:
-    streams = world_returns("r1", lambda name: f"/{name}", own=True)
+    streams = world_returns("r1", lambda name: f"/{name}", own=True, ros_time_ns=lambda: 7 * S)
     assert [stream.topics[""] for stream in streams] == ["/fleetsight/obstacles", "/fleetsight/objects"]
     payload, encoding = codec.encode(nearby(known())), codec.encoding(NearbyObjects)
     for stream in streams:
@@ -133,3 +135,13 @@ def test_each_message_is_returned_once_on_each_topic() -> None:
         assert received is not None
         stream.returned(received)
         assert stream.receive(payload, encoding, 0) is None
+
+
+def test_messages_have_ros_time_and_not_the_world_models() -> None:
+    """A robot whose clock is another, or simulated, has no transforms at the world model's time."""
+    cloud, boxes = (
+        each.translator.translate(nearby(known()), 1)
+        for each in world_returns("r1", str, own=True, ros_time_ns=lambda: 7 * S)
+    )
+    assert deserialise(point_cloud.TYPE_NAME, cloud).header.stamp.sec == 7
+    assert {each.header.stamp.sec for each in deserialise(MARKERS, boxes).markers} == {7}
