@@ -1,5 +1,6 @@
 """What others get of a site's model: its objects, changes, and what is near a robot. Pure."""
 
+import math
 from collections.abc import Iterable, Sequence
 from itertools import islice
 from typing import Final
@@ -121,7 +122,10 @@ class Inventory:
         return found[:MAX_OBJECTS], len(found) <= MAX_OBJECTS
 
     def nearby(self, robot: str, radius_m: float, since_ns: int) -> list[WorldObject]:
-        """Return the confirmed objects near a robot that were seen since then, nearest first."""
+        """Return the confirmed objects near a robot that were seen since then, nearest first.
+
+        What stands where the robot does is the robot itself, as others see it.
+        """
         model = self.model
         number = model.robots.find(robot)
         if number is None:
@@ -131,7 +135,8 @@ class Inventory:
         rows = rows[model.objects.confirmed[rows] & (model.objects.last_ns[rows] >= since_ns)]
         away = np.hypot(*(model.objects.centre[rows] - at).T)
         nearest = rows[np.argsort(away)][: int((away <= radius_m).sum())]
-        return [self.object(row) for row in nearest[:MAX_CHANGES].tolist()]
+        found = (self.object(row) for row in nearest.tolist())
+        return list(islice((each for each in found if not _contains(each, *at.tolist())), MAX_CHANGES))
 
     def robots(self) -> list[RobotOffset]:
         """Return how far each robot's localisation is off."""
@@ -184,3 +189,11 @@ def _short(number: int) -> str:
         number, digit = divmod(number, BASE)
         digits = _DIGITS[digit] + digits
     return _DIGITS[number] + digits
+
+
+def _contains(each: WorldObject, x: float, y: float) -> bool:
+    """Return whether a place in the map is within an object's box, seen from above."""
+    cos, sin = math.cos(each.yaw or 0.0), math.sin(each.yaw or 0.0)
+    across, up = x - each.at[0], y - each.at[1]
+    length, width, _ = each.size
+    return abs(cos * across + sin * up) <= length / 2 and abs(cos * up - sin * across) <= width / 2

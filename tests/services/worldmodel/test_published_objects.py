@@ -58,6 +58,13 @@ def test_what_is_near_a_robot_is_told_nearest_first() -> None:
     assert inventory.nearby("nobody", 8.0, 0) == []
 
 
+def test_a_robot_that_others_see_is_no_obstacle_to_itself() -> None:
+    inventory = seen()
+    watch(inventory.model, [], [Camera(4.2, 0.5, robot="r4")], 6.0, 1)
+    assert sorted(each.name for each in inventory.nearby("r1", 8.0, 0)) == ["box", "box", "pallet"]
+    assert [each.name for each in inventory.nearby("r4", 8.0, 0)] == ["box", "box"]
+
+
 def test_what_was_seen_is_told_again_but_not_at_once() -> None:
     inventory = seen()
     assert inventory.refreshed(6 * NS, 10 * NS) == []
