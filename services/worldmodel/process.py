@@ -99,14 +99,14 @@ class WorldWorker:
             if file is not None and not pending.full():
                 pending.put_nowait(state)
 
-        async with TaskGroup() as group:
-            if file is not None:
-                group.create_task(_write_all(file, pending))
-            try:
-                await served.run(keep)
-            finally:
+        try:
+            async with TaskGroup() as group:
                 if file is not None:
-                    _write(file, served.state())
+                    group.create_task(_write_all(file, pending))
+                await served.run(keep)
+        finally:
+            if file is not None:
+                _write(file, served.state())
 
     def _file(self, site: str) -> Path | None:
         return None if self._settings.state is None else self._settings.state / f"{site}.world"
@@ -160,14 +160,19 @@ def _read(file: Path) -> bytes:
 
 def _write(file: Path, state: bytes) -> None:
     try:
-        write_whole(file, state)
+        write_whole(file, state, durable=True)
     except OSError as error:
         log.warning("%s: not written: %s", file, error.strerror)
 
 
 async def _write_all(file: Path, states: "asyncio.Queue[bytes]") -> None:
+    """Write states one after the other until cancelled; one that is being written is written whole first."""
     while True:
-        await asyncio.to_thread(_write, file, await states.get())
+        writing = asyncio.ensure_future(asyncio.to_thread(_write, file, await states.get()))
+        try:
+            await asyncio.shield(writing)
+        finally:
+            await writing
 
 
 async def run(settings: WorldSettings) -> None:
