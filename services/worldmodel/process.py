@@ -10,7 +10,7 @@ from typing import Final
 
 from bus import LATEST, Bus, Watch, open_bus
 from bus.reporting import VERSION, report
-from bus.sharing.camera_assignment import CameraAssignment
+from bus.sharing.camera_assignment import CameraAssignment, owner
 from schemas import worker_keys
 from schemas.errors import SchemaError
 from schemas.status import WorkerStatus
@@ -67,7 +67,9 @@ class WorldWorker:
         while True:
             self._news.clear()
             for site in self._settings.robots_of:
-                if site not in self._tasks and self._is_mine(site):
+                if site in self._tasks:
+                    await self._give_way(site)
+                elif self._is_mine(site):
                     self._tasks[site] = group.create_task(self._serve(site))
             with suppress(TimeoutError):
                 async with asyncio.timeout_at(self._assignment.next_s):
@@ -80,6 +82,16 @@ class WorldWorker:
             self._assignment.forget(key)  # nobody is idle that leaves a site to whoever has it
             return False
         return self._assignment.owner(key, asyncio.get_running_loop().time()) == self._settings.worker
+
+    async def _give_way(self, site: str) -> None:
+        """Stand by again where another worker serves a site, too, and is the one to do so: after a cut link, say."""
+        others = self._assignment.took(site_key(site)) - {self._settings.worker}
+        present = [WorkerAlive(SERVICE, name) for name in (self._settings.worker, *others)]
+        if (rightful := owner(site_key(site), present)) != self._settings.worker:
+            log.warning("site %s: worker %s serves it, too; this one stands by", site, rightful)
+            task = self._tasks.pop(site)
+            task.cancel()
+            await asyncio.wait([task])
 
     async def _serve(self, site: str) -> None:
         async with self._bus.announce(str(Serves(SERVICE, self._settings.worker, site_key(site)))):
