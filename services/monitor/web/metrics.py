@@ -89,17 +89,17 @@ def _of_monitor(monitor: Monitor, snapshot: Snapshot) -> Iterator[Metric]:
     )
     yield CounterMetricFamily(
         "fleetsight_class_lists_refused",
-        "Class lists that came again, late, or with a number out of order.",
+        "Class lists that were duplicate, late or out of order.",
         monitor.fleet.refused_lists,
     )
     yield CounterMetricFamily(
         "fleetsight_opinions_ignored",
-        "Second opinions that came again, late, or of cameras that are not known.",
+        "Second opinions that were duplicate, late, or of cameras that are not known.",
         monitor.fleet.inventory.ignored_opinions,
     )
     yield CounterMetricFamily(
         "fleetsight_distances_ignored",
-        "Distances that came again, late, or with a number out of order.",
+        "Distances that were duplicate, late or out of order.",
         monitor.fleet.inventory.ignored_distances,
     )
     yield CounterMetricFamily("fleetsight_history_lost", "History intervals dropped.", history.lost)
@@ -192,7 +192,7 @@ def _of_cameras(cameras: tuple[CameraLine, ...], refused: Counter[CameraKey]) ->
     rate = GaugeMetricFamily("fleetsight_camera_class_lists_hz", "Class lists per second.", labels=names)
     age = GaugeMetricFamily("fleetsight_camera_age_seconds", "Age of the newest frame.", labels=names)
     late = CounterMetricFamily(
-        "fleetsight_camera_class_lists_refused", "Class lists that came again, late, or out of order.", labels=names
+        "fleetsight_camera_class_lists_refused", "Class lists that were duplicate, late or out of order.", labels=names
     )
     for camera in cameras:
         labels = [camera.key.robot, camera.key.camera]

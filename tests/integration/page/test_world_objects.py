@@ -220,7 +220,7 @@ async def test_the_inventory_is_what_is_in_the_warehouse_by_class_and_zone(site:
         await looker.go("/inventory")
         await page.get_by_role("link", name="In view of cameras").click()
         await expect(page.locator("[data-sighting='r1/front/box']")).to_be_visible()
-        await page.get_by_role("link", name="Warehouse").click()
+        await page.get_by_role("link", name="Whole site").click()
         await expect(page.locator("[data-object]")).to_have_count(3)
 
 

@@ -70,14 +70,14 @@ def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
     yield "Models", _models(monitor)
     left_out = ", ".join(f"{count:,} {what}" for what, count in sorted(monitor.fleet.left_out.items()) if count)
     yield "Left out", left_out or "nothing"
-    yield "Class lists not taken", _refused(monitor)
+    yield "Class lists rejected", _refused(monitor)
     ignored = monitor.fleet.inventory.ignored_opinions
     yield (
-        "Opinions ignored",
-        f"{ignored:,} that came again, late, or of cameras that are not known" if ignored else "none",
+        "Second opinions ignored",
+        f"{ignored:,} that were duplicate, late, or of cameras that are not known" if ignored else "none",
     )
     late = monitor.fleet.inventory.ignored_distances
-    yield "Distances ignored", f"{late:,} that came again, late or out of order" if late else "none"
+    yield "Distances ignored", f"{late:,} that were duplicate, late or out of order" if late else "none"
 
 
 def _refused(monitor: Monitor) -> str:
@@ -86,7 +86,8 @@ def _refused(monitor: Monitor) -> str:
         return "none"
     named = ", ".join(f"{key} {count:,}" for key, count in refused.most_common(MAX_NAMED))
     rest = f" and {len(refused) - MAX_NAMED:,} more cameras" if len(refused) > MAX_NAMED else ""
-    return f"{monitor.fleet.refused_lists:,} that came again, late or out of order: {named or 'of cameras gone'}{rest}"
+    which = f"{named or 'of cameras gone'}{rest}"
+    return f"{monitor.fleet.refused_lists:,} that were duplicate, late or out of order: {which}"
 
 
 def _models(monitor: Monitor) -> str:

@@ -25,7 +25,7 @@ MAX_CSV: Final = 100_000
 
 SUMS: Final = (
     "These counts and the chart are sums over cameras: an object that two cameras see counts twice. "
-    "Warehouse counts each object once."
+    "The tab Whole site counts each object once."
 )
 
 COLUMNS: Final = (
@@ -37,7 +37,7 @@ COLUMNS: Final = (
     Column("nearest", "Nearest", align="right"),
     Column("first", "First seen", align="right"),
     Column("last", "Last seen", align="right"),
-    Column("worker", "Said by", sortable=False),
+    Column("worker", "Reported by", sortable=False),
 )
 
 
@@ -62,7 +62,7 @@ class _InView:
         self._filters = Filters(text=text, name=name, in_view=self._choices["in_view"] != "no")
         self._subject = Subject(name=name, text=text.strip())
         self._tiles: dict[str, Tile] = {}
-        tabs((INVENTORY.path, "Warehouse"), (IN_VIEW, "In view of cameras"), here=IN_VIEW)
+        tabs((INVENTORY.path, "Whole site"), (IN_VIEW, "In view of cameras"), here=IN_VIEW)
         self._totals = ui.element("div").classes("fs-tiles")
         self._sums = ui.label(SUMS).classes("fs-muted fs-small")
         self._draw_panel()

@@ -84,7 +84,7 @@ class _Inventory:
         self._shown = ShownSite()
         self._sorted = _Sorted((), 0, 0.0, [])
         self._tiles: dict[str, Tile] = {}
-        tabs((INVENTORY.path, "Warehouse"), (IN_VIEW, "In view of cameras"), here=INVENTORY.path)
+        tabs((INVENTORY.path, "Whole site"), (IN_VIEW, "In view of cameras"), here=INVENTORY.path)
         self._notice = ui.label().classes("fs-line fs-notice").props('role="status"')
         with ui.element("div").classes("fs-stack") as self._there:
             self._totals = ui.element("div").classes("fs-tiles")

@@ -33,7 +33,7 @@ def object_facts(of: WorldObject, zones: Sequence[str], now_ns: int) -> str:
         ("First seen", _when(of.first_ns, f"{lasting(max(0, now_ns - of.first_ns) / NS)} ago")),
         ("Last seen", _when(of.last_ns, seen_lately(of.last_ns, now_ns))),
         (
-            "Looked for in vain",
+            "Last looked for, not found",
             _when(of.looked_ns, ago(of.looked_ns, now_ns)) if of.looked_ns else "never since it was seen",
         ),
         ("Seen by", "".join(f"<div>{each}</div>" for each in _seers(of, now_ns)) or "nobody yet"),

@@ -60,7 +60,7 @@ async def test_a_monitor_says_how_it_is() -> None:
     assert said["History"] == "not kept: started with --history none"
     assert said["Rules"] == "none: start with --rules rules.yaml"
     assert said["Left out"] == "1,200 malformed messages"
-    assert (said["Class lists not taken"], said["Opinions ignored"]) == ("none", "none")
+    assert (said["Class lists rejected"], said["Second opinions ignored"]) == ("none", "none")
     assert said["Distances ignored"] == "none"
 
 
@@ -74,12 +74,12 @@ async def test_a_monitor_says_which_cameras_lists_come_late_and_how_many_opinion
             monitor.fleet.opine(seen(1, {"box": 1}, key=CameraKey("r1", "c0")), S)
             monitor.fleet.measure(distances(camera="c0"), S)
         said = dict(facts(monitor, monitor.started_ns))
-    assert said["Class lists not taken"] == (
-        "9 that came again, late or out of order: r1/c4 2, r1/c0 1, r1/c1 1, r1/c2 1, r1/c3 1, r1/c5 1"
+    assert said["Class lists rejected"] == (
+        "9 that were duplicate, late or out of order: r1/c4 2, r1/c0 1, r1/c1 1, r1/c2 1, r1/c3 1, r1/c5 1"
         " and 2 more cameras"
     )
-    assert said["Opinions ignored"] == "2 that came again, late, or of cameras that are not known"
-    assert said["Distances ignored"] == "2 that came again, late or out of order"
+    assert said["Second opinions ignored"] == "2 that were duplicate, late, or of cameras that are not known"
+    assert said["Distances ignored"] == "2 that were duplicate, late or out of order"
 
 
 async def test_a_monitor_whose_database_is_not_there_yet_says_so(tmp_path: Path) -> None:
