@@ -152,11 +152,14 @@ class SiteObjects:
         self._told_last = status.last
         self._had.append(self._last)
 
-    def replace(self, epoch: str, last: int, objects: Iterable[WorldObject]) -> None:
-        """Take all objects as of the change numbered `last`, then the changes that came meanwhile."""
+    def replace(self, epoch: str, last: int, objects: Iterable[WorldObject], *, complete: bool = True) -> None:
+        """Take all objects as of the change numbered `last`, then the changes that came meanwhile.
+
+        complete: False where there are more objects than these.
+        """
         self._epoch, self._last, self._told_last, self.is_behind = epoch, last, last, False
         self._had.clear()  # a status may have been sent before the answer
-        self.objects, self.is_full = {}, False
+        self.objects, self.is_full = {}, not complete
         self.version += 1
         self._cells.clear()
         self._counts = {zone: Counter(dict.fromkeys(counts, 0)) for zone, counts in self._counts.items()}
@@ -287,7 +290,10 @@ class World:
         """Yield a line for each site of which not all objects are followed, and one where there are too many sites."""
         for name, site in self.sites.items():
             if site.is_full:
-                yield f"site {name} has more than {len(site.objects):,} objects; the others are counted nowhere"
+                yield (
+                    f"site {name} has more than {len(site.objects):,} objects; the others are counted nowhere: divide"
+                    " it into several sites (fleetsight worldmodel --sites)"
+                )
         if self._left_out:
             yield (
                 f"site {self._left_out} is not followed, as {MAX_FOLLOWED} others are: run another monitor for it,"
