@@ -184,11 +184,12 @@ class WorldConditions:
                     del entered[each]
                 ids, verb = list(entered), "entered"
             case LeavesRule():
-                ids, verb = [each for each in self._recent(rule, now_ns) if not _is_in(each, rule, objects)], "left"
+                recent = self._recent(rule, now_ns)
+                ids, verb = [each for each in recent if not _is_in(each, rule, objects, merged=True)], "left"
             case MovedRule():
                 ids, verb = self._recent(rule, now_ns), "moved in"
-            case MissingRule() if not _is_in(rule.object, rule, objects):
-                placed = objects.objects.get(rule.object)
+            case MissingRule() if not _is_in(rule.object, rule, objects, merged=True):
+                placed = objects.known_as(rule.object)
                 now_at = None if placed is None else (placed.x, placed.y)
                 return {rule.object: alert_texts.missing(rule.of, rule.object, _place(rule), now_at)}
             case _:
@@ -235,8 +236,9 @@ def _count_text(rule: ZoneOverRule | ZoneUnderRule, objects: SiteObjects) -> str
     return alert_texts.count_in_place(rule.of, _place(rule), count, rule.count, over=over) if holds else ""
 
 
-def _is_in(object_id: str, rule: ZoneRule, objects: SiteObjects) -> bool:
-    placed = objects.objects.get(object_id)
+def _is_in(object_id: str, rule: ZoneRule, objects: SiteObjects, *, merged: bool = False) -> bool:
+    """Whether an object is in a rule's zone. merged: it may be so as the one that it was merged into."""
+    placed = objects.known_as(object_id) if merged else objects.objects.get(object_id)
     return placed is not None and rule.zone in placed.zones
 
 

@@ -20,6 +20,12 @@ MAX_TRANSITIONS: Final = 10_000
 MAX_EVENTS: Final = 10_000
 """Changes that wait for the history; of more, the oldest are dropped."""
 
+MAX_MERGED: Final = 10_000
+"""Ids of merged objects that are followed to the one that they became; of more, the oldest are forgotten."""
+
+MAX_MERGES: Final = 100
+"""How often one object may have been merged, to be followed."""
+
 CELL_M: Final = 2.0
 """Side of a cell of the index by place."""
 
@@ -96,6 +102,7 @@ class SiteObjects:
         self.version = 0
         self.transitions: deque[Transition] = deque(maxlen=MAX_TRANSITIONS)
         self._events: deque[WorldChange] = deque(maxlen=MAX_EVENTS)
+        self._merged: dict[str, str] = {}
         self.floor_wanted: frozenset[str] = frozenset()
         self.floor: dict[str, ZoneFloor] = {}
         self._cells: dict[tuple[str, int, int], dict[str, tuple[float, float]]] = {}
@@ -124,6 +131,14 @@ class SiteObjects:
     def count(self, zone: str) -> Counter[str]:
         """Return how many objects of each class are in a zone, or in SITE; 0 for classes of which all have left."""
         return self._counts[zone]
+
+    def known_as(self, object_id: str) -> PlacedObject | None:
+        """Return the object with an id, or the one that it was merged into; None where neither is there."""
+        for _ in range(MAX_MERGES):
+            if object_id in self.objects or object_id not in self._merged:
+                break
+            object_id = self._merged[object_id]
+        return self.objects.get(object_id)
 
     def take_events(self) -> list[WorldChange]:
         """Return what happened to objects since the last call; that some were merely seen again is left out."""
@@ -178,6 +193,8 @@ class SiteObjects:
         Moves are left out: those that the history has already would be there twice.
         """
         earlier = changes.changes[: max(0, last + 1 - changes.first)]
+        for each in earlier:
+            self._note_merge(each)
         self._events.extend(each for each in earlier if each.kind not in (ChangeKind.SEEN, ChangeKind.MOVED))
 
     def _apply(self, changes: WorldChanges) -> None:
@@ -189,11 +206,20 @@ class SiteObjects:
     def _change(self, change: WorldChange) -> None:
         if change.kind is not ChangeKind.SEEN:
             self._events.append(change)
+        self._note_merge(change)
         match change.kind:
             case ChangeKind.GONE | ChangeKind.MERGED:
                 self._remove(change.object.id)
             case _:
                 self._put(change.object)
+
+    def _note_merge(self, change: WorldChange) -> None:
+        if change.into is None:
+            self._merged.pop(change.object.id, None)
+            return
+        self._merged[change.object.id] = change.into
+        if len(self._merged) > MAX_MERGED:
+            del self._merged[next(iter(self._merged))]
 
     def _put(self, of: WorldObject) -> None:
         before = self.objects.get(of.id)
@@ -225,6 +251,12 @@ class SiteObjects:
         return [(math.sqrt(square), each) for square, each in sorted(found) if square < than_m**2]
 
     def _note(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
+        """Note a transition. What was merged left the zones in which the one that it became is not, and no others."""
+        into = self.known_as(object_id)
+        if now is None and before is not None and into is not None:
+            if not (left := tuple(zone for zone in before.zones if zone not in into.zones)):
+                return
+            before = PlacedObject(before.of, left)
         of = now or before
         if of is not None:
             self.transitions.append(Transition(object_id, of.name, before, now))

@@ -50,6 +50,11 @@ class Hall:
         self.objects.take(changes(self.number + 1, *(change(*each) for each in some)))
         self.number += len(some)
 
+    def merge(self, of: WorldObject, into: str) -> None:
+        merged = msgspec.structs.replace(change(ChangeKind.MERGED, of), into=into)
+        self.objects.take(changes(self.number + 1, merged))
+        self.number += 1
+
     def at(self, at_s: float, *, current: bool = True) -> list[str]:
         """Return the alerts that changed."""
         now_ns = round((at_s + 1_000) * S)
@@ -131,6 +136,41 @@ def test_one_object_that_is_missing_from_its_zone_is_elsewhere_or_gone() -> None
     assert [each.split()[0] for each in hall.at(2)] == ["resolved"]
     hall.change((GONE, thing("a", 1)))
     assert hall.at(3) == ["raised box a is missing from hall/dock: it is gone"]
+
+
+def test_an_object_that_was_merged_did_not_leave_the_zones_of_the_one_that_it_became() -> None:
+    hall = Hall(rule("leaves", within_s=10), rule("leaves", zone="rack", within_s=10))
+    hall.objects.replace("e", 0, [thing("a", 3.5), thing("b", 1), thing("c", 1), thing("d", 9)])
+    hall.at(0)
+    hall.merge(thing("a", 3.5), into="b")
+    assert hall.at(1) == ["raised box a left hall/rack"]
+    hall.merge(thing("b", 1), into="c")
+    assert hall.at(2) == []
+    hall.merge(thing("c", 1), into="d")
+    assert hall.at(3) == ["raised box c left hall/dock"]
+
+
+def test_an_object_that_left_its_zone_and_was_merged_into_one_there_is_back() -> None:
+    hall = Hall(rule("leaves"))
+    hall.objects.replace("e", 0, [thing("a", 1), thing("b", 1)])
+    hall.at(0)
+    hall.change((MOVED, thing("a", 5)))
+    assert hall.at(1) == ["raised box a left hall/dock"]
+    hall.merge(thing("a", 5), into="b")
+    assert hall.at(2) == ["resolved box a left hall/dock"]
+
+
+def test_what_was_merged_into_an_object_in_its_zone_is_not_missing() -> None:
+    hall = Hall(rule("missing", object="a"))
+    hall.objects.replace("e", 0, [thing("a", 1), thing("b", 1), thing("c", 1)])
+    assert hall.at(0) == []
+    hall.merge(thing("a", 1), into="b")
+    hall.merge(thing("b", 1), into="c")
+    assert hall.at(1) == []
+    hall.change((MOVED, thing("c", 9)))
+    assert hall.at(2) == ["raised box a is missing from hall/dock: it is at 9.0, 1.0 m"]
+    hall.merge(thing("c", 9), into="a")  # a circle, which no model tells of
+    assert hall.at(3) == []
 
 
 def test_an_object_is_near_a_robot_whoever_saw_it_and_the_alert_is_the_robot_s() -> None:
