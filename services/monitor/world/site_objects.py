@@ -118,12 +118,14 @@ class SiteObjects:
 
     def set_zones(self, zones: Iterable[Zone]) -> None:
         """Have these zones from now on. An object that is in one now did not enter it, nor leave one that is gone."""
-        self.zones = tuple(zones)
+        before, self.zones = set(self.zones), tuple(zones)
+        same = {zone.name for zone in self.zones if zone in before}
         self.floor = {}
         self._finder = ZoneFinder(self.zones)
         self._counts = {SITE: self._counts[SITE], **{zone.name: Counter() for zone in self.zones}}
         for object_id, each in self.objects.items():
-            placed = self.objects[object_id] = PlacedObject(each.of, self._finder.at(each.x, each.y))
+            there = self._finder.at(each.x, each.y, same.intersection(each.zones))
+            placed = self.objects[object_id] = PlacedObject(each.of, there)
             for zone in placed.zones:
                 self._counts[zone][placed.name] += 1
         self.version += 1
@@ -231,7 +233,7 @@ class SiteObjects:
         if before is not None and (before.name, before.x, before.y) == (of.name, x, y):
             self.objects[of.id] = PlacedObject(of, before.zones)
             return
-        placed = PlacedObject(of, self._finder.at(x, y))
+        placed = PlacedObject(of, self._finder.at(x, y, () if before is None else before.zones))
         self.objects[of.id] = placed
         self._move(of.id, before, placed)
 

@@ -70,6 +70,29 @@ def test_each_zone_counts_the_objects_in_it_as_they_come_move_and_go(hall: SiteO
     assert set(hall.objects) == {"p", "o1"}
 
 
+def test_an_object_on_a_border_stays_in_its_zones_until_it_is_clearly_outside(hall: SiteObjects) -> None:
+    hall.take(changes(1, change(APPEARED, thing("a", 4.1)), change(APPEARED, thing("b", 3.9))))
+    assert [hall.objects[each].zones for each in "ab"] == [("rack",), ("dock", "rack")]
+    for number, x in enumerate((4.1, 3.9, 4.005, 4.19)):
+        hall.take(changes(3 + number, change(MOVED, thing("b", x))))
+        assert hall.objects["b"].zones == ("dock", "rack")
+    hall.transitions.clear()
+    hall.take(changes(7, change(MOVED, thing("b", 4.21)), change(MOVED, thing("b", 4.1)), change(MOVED, thing("b", 4))))
+    assert [(each.was_in("dock"), each.is_in("dock")) for each in hall.transitions] == [(True, False)] + 2 * [
+        (False, False)
+    ]
+    hall.take(changes(10, change(MOVED, thing("b", 3.95)), change(MOVED, thing("b", 4.15, -0.15))))
+    assert hall.objects["b"].zones == ("rack",), "a corner is farther away than its sides"
+    assert (hall.count("dock"), hall.count("rack")) == ({"box": 0}, {"box": 2})
+
+
+def test_zones_that_change_shape_are_judged_anew_and_the_others_are_not(hall: SiteObjects) -> None:
+    hall.take(changes(1, change(APPEARED, thing("a", 3.5)), change(MOVED, thing("a", 3.5, 4.1))))
+    assert hall.objects["a"].zones == ("dock", "rack")
+    hall.set_zones([DOCK, RACK.model_copy(update={"corners": ((3, 0), (9, 0), (9, 4), (3, 4))})])
+    assert hall.objects["a"].zones == ("dock",)
+
+
 def test_an_object_of_another_class_than_before_counts_as_that(hall: SiteObjects) -> None:
     hall.take(changes(1, change(APPEARED, thing("a", 1)), change(SEEN, thing("a", 1, name="pallet"))))
     assert hall.count("dock") == {"box": 0, "pallet": 1}
