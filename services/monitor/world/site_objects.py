@@ -3,7 +3,6 @@
 import math
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import msgspec
@@ -11,7 +10,7 @@ import msgspec
 from schemas.world import ChangeKind, SiteStatus, WorldChange, WorldChanges, WorldObject
 from services.monitor.map.sites import Sites
 from services.monitor.world.floor import ZoneFloor
-from services.monitor.world.zones import Zone, ZoneFinder
+from services.monitor.world.zones import Zone, ZoneCount, ZoneFinder
 
 MAX_SITE_OBJECTS: Final = 100_000
 """Objects of a site that are followed; a world model keeps as many unless told otherwise."""
@@ -33,7 +32,6 @@ NOTHING: Final[Mapping[str, tuple[float, float]]] = {}
 
 MAX_BUFFERED: Final = 1_000
 """Messages that wait for the answer with all objects; of more, the oldest are dropped, and it is asked for again."""
-
 
 LATEST: Final = 10
 """Statuses by which changes overtake them at most: both have queues of their own on the way."""
@@ -172,8 +170,10 @@ class SiteObjects:
     def replace(self, epoch: str, last: int, objects: Iterable[WorldObject], *, complete: bool = True) -> None:
         """Take all objects as of the change numbered `last`, then the changes that came meanwhile.
 
-        complete: False where there are more objects than these.
+        complete: False where there are more objects than these. What differs from those known before, under the same
+        ids, are transitions: it happened while changes were missed.
         """
+        before, cut, same_epoch = self.objects, self.is_full or not complete, epoch == self._epoch
         self._epoch, self._last, self._told_last, self.is_behind = epoch, last, last, False
         self._had.clear()  # a status may have been sent before the answer
         self.objects, self.is_full = {}, not complete
@@ -181,12 +181,19 @@ class SiteObjects:
         self._cells.clear()
         self._counts = {zone: Counter(dict.fromkeys(counts, 0)) for zone, counts in self._counts.items()}
         for each in objects:
-            self._put(each)
-        self.transitions.clear()  # nobody saw these happen
+            self._put(each, before.get(each.id))
         waiting = [each for each in self._waiting if each.epoch == epoch]
         self._waiting.clear()
         for message in waiting:
             self._note_earlier(message, last)
+        ids = before.keys() & self.objects.keys()
+        if not ids and not same_epoch:
+            self.transitions.clear()  # these objects are the first, or their ids began anew
+        elif before and not cut and not self.is_full:
+            ids = before.keys() | self.objects.keys()
+        for object_id in ids:
+            self._note(object_id, before.get(object_id), self.objects.get(object_id))
+        for message in waiting:
             self.take(message)
 
     def _note_earlier(self, changes: WorldChanges, last: int) -> None:
@@ -209,11 +216,15 @@ class SiteObjects:
         if change.kind is not ChangeKind.SEEN:
             self._events.append(change)
         self._note_merge(change)
-        match change.kind:
-            case ChangeKind.GONE | ChangeKind.MERGED:
-                self._remove(change.object.id)
-            case _:
-                self._put(change.object)
+        object_id = change.object.id
+        before = self.objects.get(object_id)
+        if change.kind in (ChangeKind.GONE, ChangeKind.MERGED):
+            self.version += 1
+            self.objects.pop(object_id, None)
+            self._move(object_id, before, None)
+        else:
+            self._put(change.object, before)
+        self._note(object_id, before, self.objects.get(object_id))
 
     def _note_merge(self, change: WorldChange) -> None:
         if change.into is None:
@@ -223,23 +234,19 @@ class SiteObjects:
         if len(self._merged) > MAX_MERGED:
             del self._merged[next(iter(self._merged))]
 
-    def _put(self, of: WorldObject) -> None:
-        before = self.objects.get(of.id)
-        x, y = of.at[0], of.at[1]
-        if before is None and len(self.objects) >= self._most:
+    def _put(self, of: WorldObject, before: PlacedObject | None) -> None:
+        """Have an object. before: as it was known last, be it before all were replaced."""
+        known = self.objects.get(of.id)
+        if known is None and len(self.objects) >= self._most:
             self.is_full = True
             return
         self.version += 1
-        if before is not None and (before.name, before.x, before.y) == (of.name, x, y):
-            self.objects[of.id] = PlacedObject(of, before.zones)
-            return
-        placed = PlacedObject(of, self._finder.at(x, y, () if before is None else before.zones))
-        self.objects[of.id] = placed
-        self._move(of.id, before, placed)
-
-    def _remove(self, object_id: str) -> None:
-        self.version += 1
-        self._move(object_id, self.objects.pop(object_id, None), None)
+        zones = () if before is None else before.zones
+        if before is None or not _is_there(before, of):
+            zones = self._finder.at(*of.at[:2], zones)
+        placed = self.objects[of.id] = PlacedObject(of, zones)
+        if known is None or not _is_there(known, of):
+            self._move(of.id, known, placed)
 
     def near(self, name: str, x: float, y: float, than_m: float) -> list[tuple[float, str]]:
         """Return how far each object of a class that is nearer than that is, in metres, and its id; nearest first."""
@@ -253,18 +260,17 @@ class SiteObjects:
         return [(math.sqrt(square), each) for square, each in sorted(found) if square < than_m**2]
 
     def _note(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
-        """Note a transition. What was merged left the zones in which the one that it became is not, and no others."""
+        """Note a transition if there is one. What was merged left only those zones that the one it became is not in."""
         into = self.known_as(object_id)
         if now is None and before is not None and into is not None:
             if not (left := tuple(zone for zone in before.zones if zone not in into.zones)):
                 return
             before = PlacedObject(before.of, left)
         of = now or before
-        if of is not None:
+        if of is not None and (before is None or now is None or not _is_there(before, now.of)):
             self.transitions.append(Transition(object_id, of.name, before, now))
 
     def _move(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
-        self._note(object_id, before, now)
         if before is not None:
             cell = _cell(before.name, before.x, before.y)
             self._cells[cell].pop(object_id, None)
@@ -278,17 +284,13 @@ class SiteObjects:
             self._counts[zone][now.name] += 1  # type: ignore[union-attr]
 
 
+def _is_there(placed: PlacedObject, of: WorldObject) -> bool:
+    """Whether an object is of the class and at the place that it was."""
+    return (placed.name, placed.x, placed.y) == (of.name, *of.at[:2])
+
+
 def _cell(name: str, x: float, y: float) -> tuple[str, int, int]:
     return name, math.floor(x / CELL_M), math.floor(y / CELL_M)
-
-
-@dataclass(frozen=True, slots=True)
-class ZoneCount:
-    """How many objects of each class are in a zone. current: they are known as of now."""
-
-    zone: Zone
-    objects: Mapping[str, int]
-    current: bool
 
 
 class World:

@@ -1,7 +1,7 @@
 """Zones: named polygons of a site's map, from a YAML file."""
 
 import math
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -208,6 +208,15 @@ def _meet(a: Corner, b: Corner, c: Corner, d: Corner) -> bool:
 def _between(a: Corner, b: Corner, c: Corner) -> bool:
     """Whether a point c on the line through a and b lies between them."""
     return min(a[0], b[0]) <= c[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= c[1] <= max(a[1], b[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ZoneCount:
+    """How many objects of each class are in a zone. current: they are known as of now."""
+
+    zone: Zone
+    objects: Mapping[str, int]
+    current: bool
 
 
 @dataclass(frozen=True, slots=True)

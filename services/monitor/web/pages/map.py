@@ -36,7 +36,8 @@ from services.monitor.web.pages.rows.formatting import NS, plural
 from services.monitor.web.pages.rows.map import in_words, keys, object_keys, object_row, rest_row, row, zone_in_words
 from services.monitor.web.pages.zone_editor import ZoneEditor
 from services.monitor.world.shown_site import ShownSite, shown_site, site_names
-from services.monitor.world.site_objects import SITE, ZoneCount
+from services.monitor.world.site_objects import SITE
+from services.monitor.world.zones import ZoneCount
 
 FOR_EVER: Final = {"Cache-Control": "private, max-age=31536000, immutable"}
 

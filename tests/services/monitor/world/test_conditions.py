@@ -98,6 +98,17 @@ def test_what_was_in_a_zone_at_the_beginning_did_not_enter_it() -> None:
     assert hall.at(103) == ["resolved box c entered hall/dock"]
 
 
+def test_what_entered_and_left_while_changes_were_missed_is_told() -> None:
+    hall = Hall(rule("enters"), rule("leaves"))
+    hall.objects.replace("e", 0, [thing("a", 1), thing("b", 9)])
+    assert hall.at(0) == []
+    hall.objects.take(changes(4, change(MOVED, thing("b", 1))))
+    hall.change((MOVED, thing("a", 9)))
+    assert hall.at(1) == [], "it is not known yet"
+    hall.objects.replace("e", 4, [thing("a", 9), thing("b", 1)])
+    assert sorted(hall.at(2)) == ["raised box a left hall/dock", "raised box b entered hall/dock"]
+
+
 def test_what_left_a_zone_is_told_for_a_while_unless_it_is_back() -> None:
     hall = Hall(rule("leaves", within_s=10))
     hall.objects.replace("e", 0, [thing("a", 1), thing("b", 1)])

@@ -128,6 +128,52 @@ def test_after_a_gap_or_in_another_epoch_all_are_asked_for_and_later_changes_wai
     assert (hall.count("dock"), hall.count("rack")) == ({"box": 2}, {"box": 1})
 
 
+def _went(site: SiteObjects, zone: str = "dock") -> dict[str, tuple[bool, bool]]:
+    """Return whether each object with a transition was in a zone, and is."""
+    return {each.object_id: (each.was_in(zone), each.is_in(zone)) for each in site.transitions}
+
+
+@pytest.mark.parametrize("epoch", ["e", "f"])
+def test_what_happened_while_changes_were_missed_is_in_the_transitions(hall: SiteObjects, epoch: str) -> None:
+    before = [thing("stays", 1), thing("goes", 1), thing("comes", 9), thing("gone", 1), thing("edge", 3.95)]
+    hall.replace("e", 1, before)
+    assert not hall.transitions, "these are the first"
+    hall.take(changes(2, change(MOVED, thing("earlier", 9))))
+    hall.take(changes(7, change(SEEN, thing("stays", 1)), epoch=epoch))
+    after = [thing("stays", 1), thing("goes", 9), thing("comes", 1), thing("new", 1), thing("edge", 4.05)]
+    hall.replace(epoch, 8, [*after, thing("earlier", 9)])
+    assert _went(hall) == {
+        "earlier": (False, False),
+        "goes": (True, False),
+        "comes": (False, True),
+        "gone": (True, False),
+        "new": (False, True),
+        "edge": (True, True),
+    }
+
+
+def test_nothing_entered_or_left_where_ids_began_anew(hall: SiteObjects) -> None:
+    hall.replace("e", 1, [thing("a", 1)])
+    hall.replace("f", 1, [thing("b", 1), thing("c", 9)])
+    assert not hall.transitions
+    hall.replace("f", 3, [])
+    assert _went(hall) == {"b": (True, False), "c": (False, False)}
+
+
+def test_what_was_merged_while_changes_were_missed_did_not_leave(hall: SiteObjects) -> None:
+    hall.replace("e", 1, [thing("a", 1), thing("b", 1)])
+    hall.take(changes(3, msgspec.structs.replace(change(MERGED, thing("a", 1)), into="b")))
+    hall.replace("e", 3, [thing("b", 1)])
+    assert not hall.transitions
+
+
+def test_what_is_not_followed_any_more_as_there_are_too_many_did_not_leave() -> None:
+    hall = SiteObjects([DOCK], most=2)
+    hall.replace("e", 0, [thing("a", 1), thing("b", 1)])
+    hall.replace("e", 9, [thing("c", 1), thing("b", 9), thing("a", 1)])
+    assert _went(hall) == {"b": (True, False)}
+
+
 def test_an_answer_that_is_older_than_what_was_missed_is_not_enough(hall: SiteObjects) -> None:
     hall.take(changes(5, change(APPEARED, thing("a", 1))))
     hall.replace("e", 2, [])
