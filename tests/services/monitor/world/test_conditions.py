@@ -12,7 +12,7 @@ from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.model import RuleBook, WorldRule
 from services.monitor.world.conditions import MAX_IDS, MOST_ALERTS, WorldConditions, remarks_on_zones
-from services.monitor.world.floor import floor_of
+from services.monitor.world.floor import LONG_AGO, floor_of
 from services.monitor.world.site_objects import MAX_TRANSITIONS, World
 from services.monitor.world.zones import Zone
 from tests.schemas.results import alert
@@ -310,12 +310,36 @@ def test_of_a_zone_s_floor_only_what_is_in_the_grid_was_ever_looked_at() -> None
         "huge": pytest.approx(0, abs=1e-6),
         "tiny": 1,
         "away": 0,
-        "wedge": pytest.approx(0.5),
+        "wedge": 1,
         "dock": 0.25,
     }
     assert {each.share_seen(30, 26 * S) for each in floor.values()} == {0}
     empty = floor_of([tiny], looks([]), 0)
     assert empty["tiny"].share_seen(30, 0) == 0
+
+
+def test_a_zone_that_is_narrower_than_a_cell_has_the_cells_that_it_touches() -> None:
+    grid = looks([[9, 5]] * 5 + [[9, LONG_AGO]] * 5)
+    slanting = Zone(name="slanting", corners=((1.1, 0), (1.4, 0), (0.9, 10), (0.6, 10)))
+    zones = [
+        Zone(name="aisle", corners=((0.55, 0), (0.95, 0), (0.95, 10), (0.55, 10))),
+        Zone(name="half", corners=((1.55, 0), (1.95, 0), (1.95, 10), (1.55, 10))),
+        Zone(name="line", corners=((1.6, 0.5), (1.61, 0.5), (1.61, 4.5), (1.6, 4.5))),
+        Zone(name="beyond", corners=((1.55, 3), (1.95, 3), (1.95, 23), (1.55, 23))),
+        Zone(name="beside", corners=((2, 0), (2.4, 0), (2.4, 10), (2, 10))),
+        Zone(name="square", corners=((0.6, 0.6), (1.4, 0.6), (1.4, 1.4), (0.6, 1.4))),
+        slanting,
+    ]
+    shares = {name: each.share_seen(30, 0) for name, each in floor_of(zones, grid, 0).items()}
+    assert shares == {
+        "aisle": 1,
+        "half": 0.5,
+        "line": 1,
+        "beyond": 0.1,
+        "beside": 0,
+        "square": 1,
+        "slanting": 13 / 16,
+    }
 
 
 def looks(ages: list[list[int]]) -> FloorLooks:
