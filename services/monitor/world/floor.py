@@ -1,7 +1,7 @@
 """When the floor of zones was looked at. Pure."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -24,11 +24,24 @@ MOST_CELLS: Final = 250_000
 
 @dataclass(frozen=True, slots=True)
 class ZoneFloor:
-    """The floor of a zone. ages_s: of the last look at each cell that may have been seen. cells: how many it has."""
+    """The floor of a zone. ages_s: of the last look at each cell that may have been seen. cells: how many it has.
+
+    corner: the lowest one of the cells around the zone, in the map. cell_m: side of a cell.
+    """
 
     at_ns: int
-    ages_s: NDArray[np.uint16]
+    ages_s: NDArray[np.float64]
     cells: float
+    corner: tuple[float, float]
+    cell_m: float
+
+    def with_earlier(self, before: "ZoneFloor") -> "ZoneFloor":
+        """Return this floor with looks that were told before: a worker that takes a site over knows of none."""
+        same_cells = self.cell_m == before.cell_m and np.allclose(self.corner, before.corner, rtol=0)
+        if not same_cells or self.ages_s.shape != before.ages_s.shape:
+            return self
+        earlier = before.ages_s + max(0, self.at_ns - before.at_ns) / NS
+        return replace(self, ages_s=np.where(before.ages_s < LONG_AGO, np.minimum(self.ages_s, earlier), self.ages_s))
 
     def share_seen(self, than_s: float, now_ns: int) -> float:
         """Return the share of the floor, 0 to 1, that was looked at during the last `than_s`."""
@@ -36,10 +49,16 @@ class ZoneFloor:
         return min(1.0, float(np.count_nonzero(seen)) / self.cells)
 
 
-def floor_of(zones: Iterable[Zone], looks: FloorLooks, at_ns: int) -> dict[str, ZoneFloor]:
-    """Return the floor of each zone by name, as told at `at_ns`, epoch."""
+NOTHING: Final[Mapping[str, ZoneFloor]] = {}
+
+
+def floor_of(
+    zones: Iterable[Zone], looks: FloorLooks, at_ns: int, before: Mapping[str, ZoneFloor] = NOTHING
+) -> dict[str, ZoneFloor]:
+    """Return the floor of each zone by name, as told at `at_ns`, epoch. before: as it was told earlier."""
     ages = np.frombuffer(looks.ages, "<u2").reshape(looks.rows, looks.columns)
-    return {zone.name: _floor(zone, looks, ages, at_ns) for zone in zones}
+    found = {zone.name: _floor(zone, looks, ages, at_ns) for zone in zones}
+    return {name: each.with_earlier(before[name]) if name in before else each for name, each in found.items()}
 
 
 def _floor(zone: Zone, looks: FloorLooks, ages: NDArray[np.uint16], at_ns: int) -> ZoneFloor:
@@ -57,7 +76,9 @@ def _floor(zone: Zone, looks: FloorLooks, ages: NDArray[np.uint16], at_ns: int) 
     inside, touched = _cells_of(places - low, columns, rows)
     cells = inside if np.count_nonzero(inside) >= LEAST_COVERED * area else touched
     count = max(1.0, float(np.count_nonzero(cells)))
-    return ZoneFloor(at_ns, _part(ages, first, columns, rows)[cells], count if is_whole else max(area, count))
+    x, y = (np.array(looks.origin) + low * looks.cell_m).tolist()
+    seen = _part(ages, first, columns, rows)[cells].astype(np.float64)
+    return ZoneFloor(at_ns, seen, count if is_whole else max(area, count), (x, y), looks.cell_m)
 
 
 def _part(ages: NDArray[np.uint16], first: NDArray[np.int_], columns: int, rows: int) -> NDArray[np.uint16]:

@@ -90,7 +90,8 @@ async def _look_at_floor(bus: Bus, site: str, objects: SiteObjects, sites: Sites
                 reply = await bus.request(world_key(site, WorldStream.FLOOR), timeout_s=TIMEOUT_S)
                 looks = codec.decode(FloorLooks, reply.payload, reply.encoding)
                 zones = [zone for zone in objects.zones if zone.name in objects.floor_wanted]
-                objects.floor = await asyncio.to_thread(floor_of, zones, looks, time.time_ns())
+                floor = await asyncio.to_thread(floor_of, zones, looks, time.time_ns(), objects.floor)
+                objects.floor = {zone.name: floor[zone.name] for zone in zones if zone in objects.zones}
             except (RequestError, SchemaError) as error:
                 log.warning("site %s: its floor is asked for again: %s", site, error)
         await asyncio.sleep(FLOOR_EVERY_S if objects.floor else ASK_EVERY_S)

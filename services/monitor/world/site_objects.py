@@ -118,7 +118,7 @@ class SiteObjects:
         """Have these zones from now on. An object that is in one now did not enter it, nor leave one that is gone."""
         before, self.zones = set(self.zones), tuple(zones)
         same = {zone.name for zone in self.zones if zone in before}
-        self.floor = {}
+        self.floor = {name: each for name, each in self.floor.items() if name in same}
         self._finder = ZoneFinder(self.zones)
         self._counts = {SITE: self._counts[SITE], **{zone.name: Counter() for zone in self.zones}}
         for object_id, each in self.objects.items():

@@ -298,6 +298,37 @@ def test_a_zone_that_nobody_looked_at_for_long_and_one_of_which_nothing_is_known
     assert hall.at(101) == ["resolved 25% of hall/dock was looked at during the last 60 s"]
 
 
+def test_looks_that_a_worker_told_of_count_though_the_next_one_knows_of_none() -> None:
+    hall = Hall({"when": "unseen", "site": "hall", "zone": "dock", "than_s": 60})
+    hall.objects.floor = floor_of([DOCK], looks([[10] * 4] * 4), 1_000 * S)
+    assert hall.at(1) == []
+    nothing = looks([[LONG_AGO] * 4] * 4)
+    for at_s in (10, 30, 49):
+        hall.objects.floor = floor_of([DOCK], nothing, (1_000 + at_s) * S, hall.objects.floor)
+        assert hall.at(at_s) == []
+    newer = looks([[3] * 4] * 2 + [[LONG_AGO] * 4] * 2)
+    hall.objects.floor = floor_of([DOCK], newer, 1_050 * S, hall.objects.floor)
+    assert hall.at(55) == []
+    hall.objects.floor = floor_of([DOCK], nothing, 1_111 * S, hall.objects.floor)
+    assert hall.at(111) == ["raised 0% of hall/dock was looked at during the last 60 s"]
+    hall.world.set_zones([DOCK, Zone(name="other", site="hall", corners=RACK.corners)])
+    assert set(hall.objects.floor) == {"dock"}, "it is as it was"
+    hall.world.set_zones([Zone(name="dock", site="hall", corners=RACK.corners)])
+    assert not hall.objects.floor
+
+
+def test_looks_at_other_cells_than_before_are_not_taken_for_looks_at_these() -> None:
+    before = floor_of([DOCK], looks([[10] * 4] * 4), 0)
+    nothing = looks([[LONG_AGO] * 4] * 4)
+    for other in (
+        msgspec.structs.replace(nothing, origin=(0.5, 0.0)),
+        msgspec.structs.replace(nothing, cell_m=0.5),
+    ):
+        assert floor_of([DOCK], other, S, before)["dock"].share_seen(30, S) == 0
+    grown = msgspec.structs.replace(nothing, origin=(-3.0, -2.0))
+    assert floor_of([DOCK], grown, S, before)["dock"].share_seen(30, S) == 1
+
+
 def test_of_a_zone_s_floor_only_what_is_in_the_grid_was_ever_looked_at() -> None:
     grid = looks([[5, 5], [5, 5]])
     huge = Zone(name="huge", corners=((0, 0), (90_000, 0), (90_000, 90_000), (0, 90_000)))

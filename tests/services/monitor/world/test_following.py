@@ -15,6 +15,7 @@ from schemas import codec, worker_keys
 from schemas.worker_keys import WorldStream
 from schemas.world import ChangeKind, FloorLooks, WorldAnswer, WorldChanges, WorldObject, WorldRequest
 from services.monitor.map.sites import Sites
+from services.monitor.world import following
 from services.monitor.world.following import ask_for_object, follow_world
 from services.monitor.world.site_objects import SITE, World
 from services.worldmodel.published_objects import inside
@@ -169,6 +170,23 @@ async def test_the_floor_is_asked_for_while_a_rule_needs_it() -> None:
         assert not objects.floor
         objects.floor_wanted = frozenset({"dock"})
         await until(lambda: objects.floor)
+        assert objects.floor["dock"].share_seen(30, objects.floor["dock"].at_ns) == 1
+
+
+async def test_looks_at_the_floor_outlive_the_worker_that_told_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(following, "FLOOR_EVERY_S", 0.01)
+    ages = [7]
+
+    async def answer(_: Request) -> Reply:
+        return Reply(codec.encode(looks([[ages[-1]] * 4] * 4)), codec.encoding(FloorLooks))
+
+    async with hall_of(Model()) as hall, hall.bus.serve(worker_keys.world_key("hall", WorldStream.FLOOR), answer):
+        objects = hall.world.sites["hall"]
+        objects.floor_wanted = frozenset({"dock"})
+        await until(lambda: objects.floor)
+        ages.append(65_535)
+        asked_ns = time_ns()
+        await until(lambda: objects.floor["dock"].at_ns > asked_ns)
         assert objects.floor["dock"].share_seen(30, objects.floor["dock"].at_ns) == 1
 
 
