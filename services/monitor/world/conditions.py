@@ -7,6 +7,7 @@ from itertools import islice
 from typing import Any, Final
 
 from schemas.alerts import Alert
+from schemas.world import WorldObject
 from services.monitor.liveness import POSE_LIVE_NS, is_recent
 from services.monitor.map.pose import Pose
 from services.monitor.map.sites import Sites
@@ -36,6 +37,9 @@ NOTHING_HELD: Final[Mapping[str, set[str]]] = {}
 FLOOR_FRESH_NS: Final = 30 * NS
 LEAST_SHARE: Final = 0.5
 """Share of a zone's floor of which looks count as one at the zone."""
+
+ITSELF_M: Final = 0.3
+"""How far outside the box of what others see a robot's place may be for that to be the robot."""
 
 MOST_ALERTS: Final = 100
 """Objects for which a rule has an alert at a time, of `near_robot` at each robot; of more, those that had none wait."""
@@ -211,12 +215,25 @@ class WorldConditions:
             if pose is None or not is_recent(pose.at_ns, now_ns, POSE_LIVE_NS):
                 continue
             seen.add(robot)
-            near = objects.near(rule.of, pose.x, pose.y, rule.than_m)
+            around = objects.near(rule.of, pose.x, pose.y, rule.than_m)
+            near = [each for each in around if not _is_itself(objects.objects[each[1]].of, robot, pose)]
             texts = {
                 each: alert_texts.near_robot(rule.of, each, robot, distance_m, rule.than_m) for distance_m, each in near
             }
             yield from self._of_objects(rule, robot, texts)
         yield from self._unknown(rule, seen)
+
+
+def _is_itself(of: WorldObject, robot: str, pose: Pose) -> bool:
+    """Whether an object is the robot as others see it: its class moves, and its box is around the robot's place.
+
+    One that the robot sees itself is something else, however near it is.
+    """
+    if of.velocity is None or any(seer.robot == robot for seer in of.seen_by):
+        return False
+    x, y, yaw = pose.x - of.at[0], pose.y - of.at[1], of.yaw or 0.0
+    along, across = x * math.cos(yaw) + y * math.sin(yaw), y * math.cos(yaw) - x * math.sin(yaw)
+    return abs(along) <= of.size[0] / 2 + ITSELF_M and abs(across) <= of.size[1] / 2 + ITSELF_M
 
 
 def _unseen(rule: UnseenRule, objects: SiteObjects, now_ns: int) -> Finding:

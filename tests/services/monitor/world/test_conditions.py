@@ -1,4 +1,3 @@
-import struct
 from collections.abc import Callable
 from itertools import count
 from typing import Any
@@ -6,7 +5,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from schemas.world import ChangeKind, FloorLooks, RobotOffset, WorldObject
+from schemas.world import ChangeKind, RobotOffset, WorldObject
 from services.monitor.map.pose import Pose
 from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.rules.engine import RuleEngine
@@ -18,6 +17,7 @@ from services.monitor.world.zones import Zone
 from tests.schemas.results import alert
 from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.rules.ruling import book
+from tests.services.monitor.world.test_floor import looks
 from tests.services.monitor.world.test_site_objects import DOCK, RACK, change, changes, thing
 
 S = 1_000_000_000
@@ -184,27 +184,6 @@ def test_what_was_merged_into_an_object_in_its_zone_is_not_missing() -> None:
     assert hall.at(3) == []
 
 
-def test_an_object_is_near_a_robot_whoever_saw_it_and_the_alert_is_the_robot_s() -> None:
-    hall = Hall(rule("near_robot", than_m=2, robots=["r*"], action={"name": "slow", "payload": "{class} {robot}"}))
-    hall.robots = ["r1", "r2", "x1"]
-    for robot, x in (("r1", 0.0), ("r2", 30.0), ("x1", 0.0)):
-        hall.poses[robot] = Pose(x, 1.0, 0.0, 1_000 * S)
-    assert hall.at(0) == []
-    hall.change((APPEARED, thing("a", -1.5)), (APPEARED, thing("b", 2.5)), (APPEARED, thing("p", 0, name="pallet")))
-    assert hall.at(1) == ["raised box a is 1.50 m from r1, nearer than 2 m"]
-    assert [(each.robot, each.camera, each.name) for each in hall.engine.alerts()] == [("r1", "", "box")]
-    assert hall.at(60) == []  # the robot's place is not known any more
-    hall.change((APPEARED, thing("c", 1.0)))
-    assert hall.at(60.5) == []
-    hall.poses["r1"] = Pose(0.5, 1.0, 0.0, 1_061 * S)
-    assert sorted(hall.at(61)) == [
-        "raised box c is 0.50 m from r1, nearer than 2 m",
-        "resolved box a is 1.50 m from r1, nearer than 2 m",
-    ]
-    hall.change((APPEARED, thing("d", 1.5)))
-    assert hall.at(62) == ["raised box d is 1.00 m from r1, nearer than 2 m"]
-
-
 @pytest.mark.parametrize("why", ["behind", "stale"])
 def test_while_a_site_is_not_known_nothing_is_raised_or_resolved(why: str) -> None:
     hall = Hall(rule("zone_over", count=0), rule("zone_under", count=1))
@@ -315,70 +294,6 @@ def test_looks_that_a_worker_told_of_count_though_the_next_one_knows_of_none() -
     assert set(hall.objects.floor) == {"dock"}, "it is as it was"
     hall.world.set_zones([Zone(name="dock", site="hall", corners=RACK.corners)])
     assert not hall.objects.floor
-
-
-def test_looks_at_other_cells_than_before_are_not_taken_for_looks_at_these() -> None:
-    before = floor_of([DOCK], looks([[10] * 4] * 4), 0)
-    nothing = looks([[LONG_AGO] * 4] * 4)
-    for other in (
-        msgspec.structs.replace(nothing, origin=(0.5, 0.0)),
-        msgspec.structs.replace(nothing, cell_m=0.5),
-    ):
-        assert floor_of([DOCK], other, S, before)["dock"].share_seen(30, S) == 0
-    grown = msgspec.structs.replace(nothing, origin=(-3.0, -2.0))
-    assert floor_of([DOCK], grown, S, before)["dock"].share_seen(30, S) == 1
-
-
-def test_of_a_zone_s_floor_only_what_is_in_the_grid_was_ever_looked_at() -> None:
-    grid = looks([[5, 5], [5, 5]])
-    huge = Zone(name="huge", corners=((0, 0), (90_000, 0), (90_000, 90_000), (0, 90_000)))
-    tiny = Zone(name="tiny", corners=((0.1, 0.1), (0.2, 0.1), (0.2, 0.2)))
-    away = Zone(name="away", corners=((-9, -9), (-8, -9), (-8, -8)))
-    wedge = Zone(name="wedge", corners=((0, 0), (2, 0), (0, 2)))
-    floor = floor_of([huge, tiny, away, wedge, DOCK], grid, 0)
-    shares = {name: each.share_seen(30, 0) for name, each in floor.items()}
-    assert shares == {
-        "huge": pytest.approx(0, abs=1e-6),
-        "tiny": 1,
-        "away": 0,
-        "wedge": 1,
-        "dock": 0.25,
-    }
-    assert {each.share_seen(30, 26 * S) for each in floor.values()} == {0}
-    empty = floor_of([tiny], looks([]), 0)
-    assert empty["tiny"].share_seen(30, 0) == 0
-
-
-def test_a_zone_that_is_narrower_than_a_cell_has_the_cells_that_it_touches() -> None:
-    grid = looks([[9, 5]] * 5 + [[9, LONG_AGO]] * 5)
-    slanting = Zone(name="slanting", corners=((1.1, 0), (1.4, 0), (0.9, 10), (0.6, 10)))
-    zones = [
-        Zone(name="aisle", corners=((0.55, 0), (0.95, 0), (0.95, 10), (0.55, 10))),
-        Zone(name="half", corners=((1.55, 0), (1.95, 0), (1.95, 10), (1.55, 10))),
-        Zone(name="line", corners=((1.6, 0.5), (1.61, 0.5), (1.61, 4.5), (1.6, 4.5))),
-        Zone(name="beyond", corners=((1.55, 3), (1.95, 3), (1.95, 23), (1.55, 23))),
-        Zone(name="beside", corners=((2, 0), (2.4, 0), (2.4, 10), (2, 10))),
-        Zone(name="square", corners=((0.6, 0.6), (1.4, 0.6), (1.4, 1.4), (0.6, 1.4))),
-        slanting,
-    ]
-    shares = {name: each.share_seen(30, 0) for name, each in floor_of(zones, grid, 0).items()}
-    assert shares == {
-        "aisle": 1,
-        "half": 0.5,
-        "line": 1,
-        "beyond": 0.1,
-        "beside": 0,
-        "square": 1,
-        "slanting": 13 / 16,
-    }
-
-
-def looks(ages: list[list[int]]) -> FloorLooks:
-    """Return a grid of square metres from the map's origin on, rows from the lowest y."""
-    cells = [age for row in ages for age in row]
-    columns = len(ages[0]) if ages else 0
-    data = memoryview(struct.pack(f"<{len(cells)}H", *cells))
-    return FloorLooks(site="hall", now_ns=0, origin=(0, 0), cell_m=1, columns=columns, rows=len(ages), ages=data)
 
 
 def test_what_is_remembered_is_limited() -> None:

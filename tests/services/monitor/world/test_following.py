@@ -20,7 +20,7 @@ from services.monitor.world.following import ask_for_object, follow_world
 from services.monitor.world.site_objects import SITE, World
 from services.worldmodel.published_objects import inside
 from tests.services.monitor.map.test_sites import status
-from tests.services.monitor.world.test_conditions import looks
+from tests.services.monitor.world.test_floor import looks
 from tests.services.monitor.world.test_site_objects import DOCK, change, changes, thing
 from tests.waiting import until
 
