@@ -6,8 +6,9 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from typing import Final
 
+from schemas.printing import printable
 from schemas.world import SiteStatus
-from services.monitor.formats import limited, printable
+from services.monitor.formats import limited
 from services.monitor.status_bytes import StatusBytes
 
 FRESH_NS: Final = 5_000_000_000

@@ -82,13 +82,13 @@ def test_an_object_on_a_border_stays_in_its_zones_until_it_is_clearly_outside(ha
         (False, False)
     ]
     hall.take(changes(10, change(MOVED, thing("b", 3.95)), change(MOVED, thing("b", 4.15, -0.15))))
-    assert hall.objects["b"].zones == ("rack",), "a corner is farther away than its sides"
+    assert [hall.objects[each].zones for each in "ab"] == 2 * [("rack",)], "a corner is farther away than its sides"
     assert (hall.count("dock"), hall.count("rack")) == ({"box": 0}, {"box": 2})
 
 
 def test_zones_that_change_shape_are_judged_anew_and_the_others_are_not(hall: SiteObjects) -> None:
     hall.take(changes(1, change(APPEARED, thing("a", 3.5)), change(MOVED, thing("a", 3.5, 4.1))))
-    assert hall.objects["a"].zones == ("dock", "rack")
+    assert hall.count("rack") == {"box": 1}
     hall.set_zones([DOCK, RACK.model_copy(update={"corners": ((3, 0), (9, 0), (9, 4), (3, 4))})])
     assert hall.objects["a"].zones == ("dock",)
 
