@@ -123,22 +123,24 @@ def _growing(before: KnownSite | None, status: SiteStatus, now_ns: int) -> dict[
 def _problems(known: KnownSite, now_ns: int) -> Iterator[str]:
     """Yield what is wrong with a site, in lines: robots that are lost first, then what is left out, then the rest."""
     status, site = known.status, f"site {known.status.site}"
+    doubted = [each for each in status.robots if each.doubted]
     lost = defaultdict[str, list[str]](list)
-    for each in status.robots:
-        if each.doubted:
+    for each in doubted:
+        if status.sent_ns - each.last_ns <= LATELY_NS:  # else it is off, and stays as it was last
             lost[each.doubted].append(each.robot)
     for why, robots in lost.items():
         yield (
             f"{site} leaves out the sightings of {_named(robots)}: {printable(why)}; correct that in its localisation,"
             " as with 2D Pose Estimate in RViz"
         )
-    told = {f"{robot}: {why}" for why, robots in lost.items() for robot in robots}
+    told = {f"{each.robot}: {each.doubted}" for each in doubted}
     for part, cure in CURES.items():
         reasons = [reason for reason, at_ns in known.growing.items() if part in reason and now_ns - at_ns <= LATELY_NS]
         if reasons:
             by = [printable(each.split(":")[0]) for each in status.problems if LEFT_OUT in each and part in each]
             yield f"{site}: {cure}{f' ({_named(by)})' if by else ''}"
-    yield from (f"{site}: {printable(each)}" for each in status.problems if LEFT_OUT not in each and each not in told)
+    others = (each for each in status.problems if LEFT_OUT not in each and each not in told)
+    yield from (f"{site}: {printable(each)}" for each in others)
 
 
 def _named(robots: Sequence[str]) -> str:

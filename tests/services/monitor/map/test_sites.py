@@ -64,6 +64,9 @@ def test_robots_that_are_lost_are_problems_while_they_are() -> None:
     assert sites.problems(11 + FRESH_NS) == [], "nobody looks after the site"
     sites.take(hall(robots=[robot("r0")]), 20)
     assert sites.problems(20) == []
+    off = msgspec.structs.replace(hall(robots=lost, problems=[f"r1: {why}"]), sent_ns=2 + LATELY_NS)
+    sites.take(off, 30)
+    assert sites.problems(30) == [], "no view of it came for long: it is off"
 
 
 def test_sightings_that_are_left_out_are_a_problem_while_more_are_and_with_the_cure() -> None:
