@@ -193,7 +193,9 @@ class Monitor:
         )
         own = [problem for problem in (*found, self.centre.problem) if problem]
         own += [] if self.models is None else self.models.problems()
-        own += [*self.fleet.world.problems(), *self.fleet.warehouses.problems(time.time_ns())]
+        now_ns = time.time_ns()
+        own += [*self.fleet.world.problems(), *self.fleet.sites.problems(now_ns)]
+        own += self.fleet.warehouses.problems(now_ns)
         return [*own, *self._rivals(), *self.fleet.inventory.member_limit.problems(), *self.alerting.problems()]
 
     def _rivals(self) -> Iterator[str]:

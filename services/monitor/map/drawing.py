@@ -15,7 +15,7 @@ from services.monitor.map.footprints import DrawnObject, drawn_objects
 from services.monitor.map.last_seen import MapObject
 from services.monitor.map.pose import DrawnRobot
 from services.monitor.map.sites import totals
-from services.monitor.world.site_objects import ZoneCount
+from services.monitor.world.zones import ZoneCount
 
 NS: Final = 1_000_000_000
 MOST_SHOWN: Final = 500

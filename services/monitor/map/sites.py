@@ -1,11 +1,14 @@
 """The sites that world models keep, by their own word. Pure: time is an argument."""
 
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
+from schemas.printing import printable
 from schemas.world import SiteStatus
+from services.monitor.formats import limited
 from services.monitor.status_bytes import StatusBytes
 
 FRESH_NS: Final = 5_000_000_000
@@ -13,13 +16,41 @@ FRESH_NS: Final = 5_000_000_000
 
 MAX_SITES: Final = 1_000
 
+LATELY_NS: Final = 60_000_000_000
+"""How long something that is left out stays a problem: it is counted since the world model began."""
+
+MAX_NAMED: Final = 3
+LEFT_OUT: Final = " sightings left out: "
+
+CURES: Final[Mapping[str, str]] = {
+    "without a map frame": "robots have no frame map, so that what they see has no place: start their localisation, "
+    "which publishes the transform from map to base_link",
+    "in another frame": "views are left out, as they are in another frame than the site's map: say what robots call it"
+    " with fleetsight worldmodel --frame",
+    "far from when they came": "stamps of views are more than 5 s from when they came: set the clocks of the robots and"
+    " of the world model's machine by NTP",
+    "its most objects": "there is no room for more objects: raise fleetsight worldmodel --most-objects, or divide the"
+    " site (--sites)",
+    "its most robots": "there is no room for more robots: divide the site (fleetsight worldmodel --sites)",
+    "its most cameras": "a robot has more cameras than count: let it publish fewer",
+    "malformed views": "views cannot be read: let distance workers and the world model be of one release",
+    "could not be taken in": "views could not be taken in: the world model's log says why",
+}
+"""Cures by a part of the reason for which sightings or views are left out. Other reasons need none: an object is too
+far away, or a newer view came.
+"""
+
 
 @dataclass(frozen=True, slots=True)
 class KnownSite:
-    """What a site's world model said last, and when it came."""
+    """What a site's world model said last, and when it came.
+
+    growing: when more was left out last, by reason; of those reasons of which that happened since they were heard of.
+    """
 
     status: SiteStatus
     received_ns: int
+    growing: Mapping[str, int] = field(default_factory=dict)
 
     def is_current(self, now_ns: int) -> bool:
         """Whether the site is looked after now."""
@@ -41,8 +72,8 @@ class Sites:
         """
         for each in self._bytes.take(status.site, size):
             del self._known[each]
-        self._known.pop(status.site, None)
-        self._known[status.site] = KnownSite(status, received_ns)
+        before = self._known.pop(status.site, None)
+        self._known[status.site] = KnownSite(status, received_ns, _growing(before, status, received_ns))
         if len(self._known) > MAX_SITES:
             oldest = next(iter(self._known))
             self._bytes.drop(oldest)
@@ -71,9 +102,50 @@ class Sites:
         """Return all sites by name."""
         return [self._known[name] for name in sorted(self._known)]
 
+    def problems(self, now_ns: int) -> list[str]:
+        """Return what keeps world models that are there from being right, in some lines, with the cure."""
+        return limited([line for each in self.every() if each.is_current(now_ns) for line in _problems(each, now_ns)])
+
     def current(self, now_ns: int) -> Iterator[SiteStatus]:
         """Yield the statuses of sites that are looked after, by name."""
         return (each.status for each in self.every() if each.is_current(now_ns))
+
+
+def _growing(before: KnownSite | None, status: SiteStatus, now_ns: int) -> dict[str, int]:
+    """Return when more was left out last, by reason; a world model that took the site over counts from 0."""
+    if before is None or before.status.epoch != status.epoch:
+        return {}
+    counted = before.status.left_out
+    grown = {reason: now_ns for reason, count in status.left_out.items() if count > counted.get(reason, 0)}
+    return {**before.growing, **grown}
+
+
+def _problems(known: KnownSite, now_ns: int) -> Iterator[str]:
+    """Yield what is wrong with a site, in lines: robots that are lost first, then what is left out, then the rest."""
+    status, site = known.status, f"site {known.status.site}"
+    doubted = [each for each in status.robots if each.doubted]
+    lost = defaultdict[str, list[str]](list)
+    for each in doubted:
+        if status.sent_ns - each.last_ns <= LATELY_NS:  # else it is off, and stays as it was last
+            lost[each.doubted].append(each.robot)
+    for why, robots in lost.items():
+        yield (
+            f"{site} leaves out the sightings of {_named(robots)}: {printable(why)}; correct that in its localisation,"
+            " as with 2D Pose Estimate in RViz"
+        )
+    told = {f"{each.robot}: {each.doubted}" for each in doubted}
+    for part, cure in CURES.items():
+        reasons = [reason for reason, at_ns in known.growing.items() if part in reason and now_ns - at_ns <= LATELY_NS]
+        if reasons:
+            by = [printable(each.split(":")[0]) for each in status.problems if LEFT_OUT in each and part in each]
+            yield f"{site}: {cure}{f' ({_named(by)})' if by else ''}"
+    others = (each for each in status.problems if LEFT_OUT not in each and each not in told)
+    yield from (f"{site}: {printable(each)}" for each in others)
+
+
+def _named(robots: Sequence[str]) -> str:
+    rest = len(robots) - MAX_NAMED
+    return ", ".join(robots[:MAX_NAMED]) + (f" and {rest} more" if rest > 0 else "")
 
 
 def totals(objects: Mapping[str, int]) -> str:

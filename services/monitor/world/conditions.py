@@ -7,6 +7,7 @@ from itertools import islice
 from typing import Any, Final
 
 from schemas.alerts import Alert
+from schemas.world import WorldObject
 from services.monitor.liveness import POSE_LIVE_NS, is_recent
 from services.monitor.map.pose import Pose
 from services.monitor.map.sites import Sites
@@ -36,6 +37,9 @@ NOTHING_HELD: Final[Mapping[str, set[str]]] = {}
 FLOOR_FRESH_NS: Final = 30 * NS
 LEAST_SHARE: Final = 0.5
 """Share of a zone's floor of which looks count as one at the zone."""
+
+ITSELF_M: Final = 0.3
+"""How far outside the box of what others see a robot's place may be for that to be the robot."""
 
 MOST_ALERTS: Final = 100
 """Objects for which a rule has an alert at a time, of `near_robot` at each robot; of more, those that had none wait."""
@@ -184,11 +188,12 @@ class WorldConditions:
                     del entered[each]
                 ids, verb = list(entered), "entered"
             case LeavesRule():
-                ids, verb = [each for each in self._recent(rule, now_ns) if not _is_in(each, rule, objects)], "left"
+                recent = self._recent(rule, now_ns)
+                ids, verb = [each for each in recent if not _is_in(each, rule, objects, merged=True)], "left"
             case MovedRule():
                 ids, verb = self._recent(rule, now_ns), "moved in"
-            case MissingRule() if not _is_in(rule.object, rule, objects):
-                placed = objects.objects.get(rule.object)
+            case MissingRule() if not _is_in(rule.object, rule, objects, merged=True):
+                placed = objects.known_as(rule.object)
                 now_at = None if placed is None else (placed.x, placed.y)
                 return {rule.object: alert_texts.missing(rule.of, rule.object, _place(rule), now_at)}
             case _:
@@ -210,12 +215,25 @@ class WorldConditions:
             if pose is None or not is_recent(pose.at_ns, now_ns, POSE_LIVE_NS):
                 continue
             seen.add(robot)
-            near = objects.near(rule.of, pose.x, pose.y, rule.than_m)
+            around = objects.near(rule.of, pose.x, pose.y, rule.than_m)
+            near = [each for each in around if not _is_itself(objects.objects[each[1]].of, robot, pose)]
             texts = {
                 each: alert_texts.near_robot(rule.of, each, robot, distance_m, rule.than_m) for distance_m, each in near
             }
             yield from self._of_objects(rule, robot, texts)
         yield from self._unknown(rule, seen)
+
+
+def _is_itself(of: WorldObject, robot: str, pose: Pose) -> bool:
+    """Whether an object is the robot as others see it: its class moves, and its box is around the robot's place.
+
+    One that the robot sees itself is something else, however near it is.
+    """
+    if of.velocity is None or any(seer.robot == robot for seer in of.seen_by):
+        return False
+    x, y, yaw = pose.x - of.at[0], pose.y - of.at[1], of.yaw or 0.0
+    along, across = x * math.cos(yaw) + y * math.sin(yaw), y * math.cos(yaw) - x * math.sin(yaw)
+    return abs(along) <= of.size[0] / 2 + ITSELF_M and abs(across) <= of.size[1] / 2 + ITSELF_M
 
 
 def _unseen(rule: UnseenRule, objects: SiteObjects, now_ns: int) -> Finding:
@@ -235,8 +253,9 @@ def _count_text(rule: ZoneOverRule | ZoneUnderRule, objects: SiteObjects) -> str
     return alert_texts.count_in_place(rule.of, _place(rule), count, rule.count, over=over) if holds else ""
 
 
-def _is_in(object_id: str, rule: ZoneRule, objects: SiteObjects) -> bool:
-    placed = objects.objects.get(object_id)
+def _is_in(object_id: str, rule: ZoneRule, objects: SiteObjects, *, merged: bool = False) -> bool:
+    """Whether an object is in a rule's zone. merged: it may be so as the one that it was merged into."""
+    placed = objects.known_as(object_id) if merged else objects.objects.get(object_id)
     return placed is not None and rule.zone in placed.zones
 
 

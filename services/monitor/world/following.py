@@ -3,19 +3,22 @@
 import asyncio
 import logging
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from statistics import fmean, median
 from typing import Final
 
 from bus import QUEUE, Bus, RequestError, Sample
 from schemas import codec
 from schemas.errors import SchemaError
+from schemas.space import MAX_COORDINATE_M
 from schemas.worker_keys import WorldStream, world_key
 from schemas.world import FloorLooks, WorldAnswer, WorldChanges, WorldObject, WorldRequest
 from services.monitor.event_loop import AT_ONCE
 from services.monitor.map.sites import Sites
 from services.monitor.world.floor import floor_of
-from services.monitor.world.site_objects import SiteObjects, World
+from services.monitor.world.site_objects import MAX_SITE_OBJECTS, SiteObjects, World
 
 log = logging.getLogger(__name__)
 
@@ -87,22 +90,93 @@ async def _look_at_floor(bus: Bus, site: str, objects: SiteObjects, sites: Sites
                 reply = await bus.request(world_key(site, WorldStream.FLOOR), timeout_s=TIMEOUT_S)
                 looks = codec.decode(FloorLooks, reply.payload, reply.encoding)
                 zones = [zone for zone in objects.zones if zone.name in objects.floor_wanted]
-                objects.floor = await asyncio.to_thread(floor_of, zones, looks, time.time_ns())
+                floor = await asyncio.to_thread(floor_of, zones, looks, time.time_ns(), objects.floor)
+                objects.floor = {zone.name: floor[zone.name] for zone in zones if zone in objects.zones}
             except (RequestError, SchemaError) as error:
                 log.warning("site %s: its floor is asked for again: %s", site, error)
         await asyncio.sleep(FLOOR_EVERY_S if objects.floor else ASK_EVERY_S)
 
 
 async def _ask_for_all(bus: Bus, site: str, objects: SiteObjects, sites: Sites) -> None:
-    """Ask for all objects; class by class where they do not fit into one answer."""
+    """Ask for all objects; class by class where they do not fit into one answer, and of a class part by part."""
     answers = [await _ask(bus, site, WorldRequest())]
-    if not answers[0].complete:
+    complete = answers[0].complete
+    if not complete:
         first = answers.pop()
         names = {*sites.classes(site), *(each.name for each in first.objects)}
-        answers = [await _ask(bus, site, WorldRequest(name=name)) for name in sorted(names)]
+        complete = True
+        for name in sorted(names):
+            some, all_of_it = await _ask_for_class(bus, site, name)
+            answers += some
+            complete = complete and all_of_it
     epochs = {answer.epoch for answer in answers}
     if len(epochs) == 1:  # else another worker took the site over meanwhile: ask again
-        objects.replace(epochs.pop(), min(answer.last for answer in answers), _every(answers))
+        last = min(answer.last for answer in answers)
+        objects.replace(epochs.pop(), last, _every(answers), complete=complete)
+
+
+async def _ask_for_class(bus: Bus, site: str, name: str) -> tuple[list[WorldAnswer], bool]:
+    """Ask for the objects of a class; in parts of the map where they do not fit into one answer.
+
+    Also return whether these are all: there may be more than are followed, or too many at one place.
+    """
+    answers, parts, complete = list[WorldAnswer](), [Part()], True
+    for _ in range(MOST_PARTS):
+        if not parts or sum(len(each.objects) for each in answers) >= MAX_SITE_OBJECTS:
+            break
+        part = parts.pop()
+        answer = await _ask(bus, site, WorldRequest(name=name, region=part.corners if part.depth else []))
+        smaller = [] if answer.complete else part.split(answer.objects)
+        if smaller:
+            parts += smaller
+        else:
+            answers.append(answer)
+            complete = complete and answer.complete
+    return answers, complete and not parts
+
+
+MOST_PARTS: Final = 200
+"""Parts of the map in which a class is asked for, at most."""
+
+MOST_SPLITS: Final = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A rectangle of the map, all of it unless given, in metres; its west and south sides belong to it.
+
+    depth: how often the map was split for it.
+    """
+
+    west: float = -MAX_COORDINATE_M
+    south: float = -MAX_COORDINATE_M
+    east: float = MAX_COORDINATE_M
+    north: float = MAX_COORDINATE_M
+    depth: int = 0
+
+    @property
+    def corners(self) -> list[tuple[float, float]]:
+        """Its corners in order around it."""
+        return [(self.west, self.south), (self.east, self.south), (self.east, self.north), (self.west, self.north)]
+
+    def split(self, objects: Sequence[WorldObject]) -> "list[Part]":
+        """Return parts with about a quarter of these objects each; none if it cannot be split."""
+        if self.depth == MOST_SPLITS or not objects:
+            return []
+        xs = (self.west, *_between([each.at[0] for each in objects]), self.east)
+        ys = (self.south, *_between([each.at[1] for each in objects]), self.north)
+        parts = [
+            Part(west, south, east, north, self.depth + 1)
+            for west, east in pairwise(xs)
+            for south, north in pairwise(ys)
+        ]
+        return parts if len(parts) > 1 else []
+
+
+def _between(values: Sequence[float]) -> list[float]:
+    """Return what parts values into halves, or into those that are the least and the others; none if all are equal."""
+    least = min(values)
+    return [cut for cut in (median(values), fmean(values)) if cut > least][:1]
 
 
 def _every(answers: Iterable[WorldAnswer]) -> Iterable[WorldObject]:

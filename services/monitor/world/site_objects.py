@@ -3,7 +3,6 @@
 import math
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import msgspec
@@ -11,7 +10,7 @@ import msgspec
 from schemas.world import ChangeKind, SiteStatus, WorldChange, WorldChanges, WorldObject
 from services.monitor.map.sites import Sites
 from services.monitor.world.floor import ZoneFloor
-from services.monitor.world.zones import Zone, ZoneFinder
+from services.monitor.world.zones import Zone, ZoneCount, ZoneFinder
 
 MAX_SITE_OBJECTS: Final = 100_000
 """Objects of a site that are followed; a world model keeps as many unless told otherwise."""
@@ -20,6 +19,12 @@ MAX_TRANSITIONS: Final = 10_000
 MAX_EVENTS: Final = 10_000
 """Changes that wait for the history; of more, the oldest are dropped."""
 
+MAX_MERGED: Final = 10_000
+"""Ids of merged objects that are followed to the one that they became; of more, the oldest are forgotten."""
+
+MAX_MERGES: Final = 100
+"""How often one object may have been merged, to be followed."""
+
 CELL_M: Final = 2.0
 """Side of a cell of the index by place."""
 
@@ -27,7 +32,6 @@ NOTHING: Final[Mapping[str, tuple[float, float]]] = {}
 
 MAX_BUFFERED: Final = 1_000
 """Messages that wait for the answer with all objects; of more, the oldest are dropped, and it is asked for again."""
-
 
 LATEST: Final = 10
 """Statuses by which changes overtake them at most: both have queues of their own on the way."""
@@ -96,6 +100,7 @@ class SiteObjects:
         self.version = 0
         self.transitions: deque[Transition] = deque(maxlen=MAX_TRANSITIONS)
         self._events: deque[WorldChange] = deque(maxlen=MAX_EVENTS)
+        self._merged: dict[str, str] = {}
         self.floor_wanted: frozenset[str] = frozenset()
         self.floor: dict[str, ZoneFloor] = {}
         self._cells: dict[tuple[str, int, int], dict[str, tuple[float, float]]] = {}
@@ -111,12 +116,14 @@ class SiteObjects:
 
     def set_zones(self, zones: Iterable[Zone]) -> None:
         """Have these zones from now on. An object that is in one now did not enter it, nor leave one that is gone."""
-        self.zones = tuple(zones)
-        self.floor = {}
+        before, self.zones = set(self.zones), tuple(zones)
+        same = {zone.name for zone in self.zones if zone in before}
+        self.floor = {name: each for name, each in self.floor.items() if name in same}
         self._finder = ZoneFinder(self.zones)
         self._counts = {SITE: self._counts[SITE], **{zone.name: Counter() for zone in self.zones}}
         for object_id, each in self.objects.items():
-            placed = self.objects[object_id] = PlacedObject(each.of, self._finder.at(each.x, each.y))
+            there = self._finder.at(each.x, each.y, same.intersection(each.zones))
+            placed = self.objects[object_id] = PlacedObject(each.of, there)
             for zone in placed.zones:
                 self._counts[zone][placed.name] += 1
         self.version += 1
@@ -124,6 +131,14 @@ class SiteObjects:
     def count(self, zone: str) -> Counter[str]:
         """Return how many objects of each class are in a zone, or in SITE; 0 for classes of which all have left."""
         return self._counts[zone]
+
+    def known_as(self, object_id: str) -> PlacedObject | None:
+        """Return the object with an id, or the one that it was merged into; None where neither is there."""
+        for _ in range(MAX_MERGES):
+            if object_id in self.objects or object_id not in self._merged:
+                break
+            object_id = self._merged[object_id]
+        return self.objects.get(object_id)
 
     def take_events(self) -> list[WorldChange]:
         """Return what happened to objects since the last call; that some were merely seen again is left out."""
@@ -152,21 +167,33 @@ class SiteObjects:
         self._told_last = status.last
         self._had.append(self._last)
 
-    def replace(self, epoch: str, last: int, objects: Iterable[WorldObject]) -> None:
-        """Take all objects as of the change numbered `last`, then the changes that came meanwhile."""
+    def replace(self, epoch: str, last: int, objects: Iterable[WorldObject], *, complete: bool = True) -> None:
+        """Take all objects as of the change numbered `last`, then the changes that came meanwhile.
+
+        complete: False where there are more objects than these. What differs from those known before, under the same
+        ids, are transitions: it happened while changes were missed.
+        """
+        before, cut, same_epoch = self.objects, self.is_full or not complete, epoch == self._epoch
         self._epoch, self._last, self._told_last, self.is_behind = epoch, last, last, False
         self._had.clear()  # a status may have been sent before the answer
-        self.objects, self.is_full = {}, False
+        self.objects, self.is_full = {}, not complete
         self.version += 1
         self._cells.clear()
         self._counts = {zone: Counter(dict.fromkeys(counts, 0)) for zone, counts in self._counts.items()}
         for each in objects:
-            self._put(each)
-        self.transitions.clear()  # nobody saw these happen
+            self._put(each, before.get(each.id))
         waiting = [each for each in self._waiting if each.epoch == epoch]
         self._waiting.clear()
         for message in waiting:
             self._note_earlier(message, last)
+        ids = before.keys() & self.objects.keys()
+        if not ids and not same_epoch:
+            self.transitions.clear()  # these objects are the first, or their ids began anew
+        elif before and not cut and not self.is_full:
+            ids = before.keys() | self.objects.keys()
+        for object_id in ids:
+            self._note(object_id, before.get(object_id), self.objects.get(object_id))
+        for message in waiting:
             self.take(message)
 
     def _note_earlier(self, changes: WorldChanges, last: int) -> None:
@@ -175,6 +202,8 @@ class SiteObjects:
         Moves are left out: those that the history has already would be there twice.
         """
         earlier = changes.changes[: max(0, last + 1 - changes.first)]
+        for each in earlier:
+            self._note_merge(each)
         self._events.extend(each for each in earlier if each.kind not in (ChangeKind.SEEN, ChangeKind.MOVED))
 
     def _apply(self, changes: WorldChanges) -> None:
@@ -186,29 +215,38 @@ class SiteObjects:
     def _change(self, change: WorldChange) -> None:
         if change.kind is not ChangeKind.SEEN:
             self._events.append(change)
-        match change.kind:
-            case ChangeKind.GONE | ChangeKind.MERGED:
-                self._remove(change.object.id)
-            case _:
-                self._put(change.object)
+        self._note_merge(change)
+        object_id = change.object.id
+        before = self.objects.get(object_id)
+        if change.kind in (ChangeKind.GONE, ChangeKind.MERGED):
+            self.version += 1
+            self.objects.pop(object_id, None)
+            self._move(object_id, before, None)
+        else:
+            self._put(change.object, before)
+        self._note(object_id, before, self.objects.get(object_id))
 
-    def _put(self, of: WorldObject) -> None:
-        before = self.objects.get(of.id)
-        x, y = of.at[0], of.at[1]
-        if before is None and len(self.objects) >= self._most:
+    def _note_merge(self, change: WorldChange) -> None:
+        if change.into is None:
+            self._merged.pop(change.object.id, None)
+            return
+        self._merged[change.object.id] = change.into
+        if len(self._merged) > MAX_MERGED:
+            del self._merged[next(iter(self._merged))]
+
+    def _put(self, of: WorldObject, before: PlacedObject | None) -> None:
+        """Have an object. before: as it was known last, be it before all were replaced."""
+        known = self.objects.get(of.id)
+        if known is None and len(self.objects) >= self._most:
             self.is_full = True
             return
         self.version += 1
-        if before is not None and (before.name, before.x, before.y) == (of.name, x, y):
-            self.objects[of.id] = PlacedObject(of, before.zones)
-            return
-        placed = PlacedObject(of, self._finder.at(x, y))
-        self.objects[of.id] = placed
-        self._move(of.id, before, placed)
-
-    def _remove(self, object_id: str) -> None:
-        self.version += 1
-        self._move(object_id, self.objects.pop(object_id, None), None)
+        zones = () if before is None else before.zones
+        if before is None or not _is_there(before, of):
+            zones = self._finder.at(*of.at[:2], zones)
+        placed = self.objects[of.id] = PlacedObject(of, zones)
+        if known is None or not _is_there(known, of):
+            self._move(of.id, known, placed)
 
     def near(self, name: str, x: float, y: float, than_m: float) -> list[tuple[float, str]]:
         """Return how far each object of a class that is nearer than that is, in metres, and its id; nearest first."""
@@ -222,12 +260,17 @@ class SiteObjects:
         return [(math.sqrt(square), each) for square, each in sorted(found) if square < than_m**2]
 
     def _note(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
+        """Note a transition if there is one. What was merged left only those zones that the one it became is not in."""
+        into = self.known_as(object_id)
+        if now is None and before is not None and into is not None:
+            if not (left := tuple(zone for zone in before.zones if zone not in into.zones)):
+                return
+            before = PlacedObject(before.of, left)
         of = now or before
-        if of is not None:
+        if of is not None and (before is None or now is None or not _is_there(before, now.of)):
             self.transitions.append(Transition(object_id, of.name, before, now))
 
     def _move(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
-        self._note(object_id, before, now)
         if before is not None:
             cell = _cell(before.name, before.x, before.y)
             self._cells[cell].pop(object_id, None)
@@ -241,17 +284,13 @@ class SiteObjects:
             self._counts[zone][now.name] += 1  # type: ignore[union-attr]
 
 
+def _is_there(placed: PlacedObject, of: WorldObject) -> bool:
+    """Whether an object is of the class and at the place that it was."""
+    return (placed.name, placed.x, placed.y) == (of.name, *of.at[:2])
+
+
 def _cell(name: str, x: float, y: float) -> tuple[str, int, int]:
     return name, math.floor(x / CELL_M), math.floor(y / CELL_M)
-
-
-@dataclass(frozen=True, slots=True)
-class ZoneCount:
-    """How many objects of each class are in a zone. current: they are known as of now."""
-
-    zone: Zone
-    objects: Mapping[str, int]
-    current: bool
 
 
 class World:
@@ -287,7 +326,10 @@ class World:
         """Yield a line for each site of which not all objects are followed, and one where there are too many sites."""
         for name, site in self.sites.items():
             if site.is_full:
-                yield f"site {name} has more than {len(site.objects):,} objects; the others are counted nowhere"
+                yield (
+                    f"site {name} has more than {len(site.objects):,} objects; the others are counted nowhere: divide"
+                    " it into several sites (fleetsight worldmodel --sites)"
+                )
         if self._left_out:
             yield (
                 f"site {self._left_out} is not followed, as {MAX_FOLLOWED} others are: run another monitor for it,"

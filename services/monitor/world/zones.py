@@ -1,6 +1,7 @@
 """Zones: named polygons of a site's map, from a YAML file."""
 
-from collections.abc import Iterable, Iterator, Sequence
+import math
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
@@ -15,6 +16,9 @@ from services.yaml_text import YamlError, line_of, parse
 MAX_ZONES: Final = 500
 MAX_CHARACTERS: Final = 1_000_000
 FARTHEST_M: Final = 100_000.0
+LEAVES_M: Final = 0.2
+"""How far outside a zone an object still counts as in it that was: estimates of what stands still vary less."""
+
 LEAST_CORNERS: Final = 3
 
 Corner = tuple[float, float]
@@ -207,6 +211,15 @@ def _between(a: Corner, b: Corner, c: Corner) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
+class ZoneCount:
+    """How many objects of each class are in a zone. current: they are known as of now."""
+
+    zone: Zone
+    objects: Mapping[str, int]
+    current: bool
+
+
+@dataclass(frozen=True, slots=True)
 class _Polygon:
     name: str
     low: Corner
@@ -229,13 +242,32 @@ class _Polygon:
                 inside = not inside
         return inside
 
+    def is_near(self, x: float, y: float) -> bool:
+        """Whether a point is at most LEAVES_M from the polygon's outline."""
+        near_x = self.low[0] - LEAVES_M <= x <= self.high[0] + LEAVES_M
+        near_y = self.low[1] - LEAVES_M <= y <= self.high[1] + LEAVES_M
+        return near_x and near_y and any(_distance_m((x, y), side) <= LEAVES_M for side in self.sides)
+
+
+def _distance_m(point: Corner, side: Side) -> float:
+    (x, y), ((ax, ay), (bx, by)) = point, side
+    dx, dy = bx - ax, by - ay
+    along = max(0.0, min(1.0, ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy)))
+    return math.hypot(ax + along * dx - x, ay + along * dy - y)
+
 
 class ZoneFinder:
-    """Says which of a site's zones a point is in. Zones may overlap."""
+    """Says which of a site's zones an object is in. Zones may overlap."""
 
     def __init__(self, zones: Iterable[Zone]) -> None:
         self._polygons = tuple(_Polygon.of(zone) for zone in zones)
 
-    def at(self, x: float, y: float) -> tuple[str, ...]:
-        """Return the names of the zones around a point, in the order of the file."""
-        return tuple(each.name for each in self._polygons if each.holds(x, y))
+    def at(self, x: float, y: float, before: Container[str] = ()) -> tuple[str, ...]:
+        """Return the names of the zones around a point, in the order of the file.
+
+        before: zones that the object there was in. It stays in them until it is LEAVES_M outside: what stands on a
+        border, and is estimated now on this side and now on that, does not go in and out.
+        """
+        return tuple(
+            each.name for each in self._polygons if each.holds(x, y) or (each.name in before and each.is_near(x, y))
+        )

@@ -30,8 +30,8 @@ from services.monitor.history.archive import HistoryQuery
 from services.monitor.monitor import Monitor
 from services.monitor.process import running, watch_fleet
 from services.monitor.settings import MonitorSettings
-from services.monitor.world.site_objects import World, ZoneCount
-from services.monitor.world.zones import Zone
+from services.monitor.world.site_objects import World
+from services.monitor.world.zones import Zone, ZoneCount
 from services.toolbox.demo.children import Child
 from tests.integration.fleet import PATIENCE_S, FleetRig, fleet_rig
 from tests.services.worldmodel.scene import Camera, Thing, view

@@ -37,7 +37,7 @@ from services.monitor.web.api.models import (
     WorkerAnswer,
 )
 from services.monitor.web.api.world_models import EventAnswer, RobotOffsetAnswer, SiteAnswer, StockAnswer, ZoneAnswer
-from services.monitor.world.site_objects import ZoneCount
+from services.monitor.world.zones import ZoneCount
 
 M = TypeVar("M", bound=Part)
 

@@ -29,7 +29,7 @@ from services.monitor.web.api.bodies import (
 from services.monitor.web.api.models import CameraAnswer, GatewayAnswer, Page, RobotAnswer, SightingAnswer, WorkerAnswer
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, operator_of, page_of, place_of
 from services.monitor.web.api.world_models import SiteAnswer, ZoneAnswer
-from services.monitor.world.site_objects import ZoneCount
+from services.monitor.world.zones import ZoneCount
 
 PLACE: Final = attrgetter("robot", "camera")
 

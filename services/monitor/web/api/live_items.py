@@ -24,7 +24,7 @@ from services.monitor.web.api.bodies import (
 )
 from services.monitor.web.api.objects import FoundObject, object_answer
 from services.monitor.web.api.warehouses import warehouse_answer
-from services.monitor.world.site_objects import ZoneCount
+from services.monitor.world.zones import ZoneCount
 
 Name = tuple[str, ...]
 

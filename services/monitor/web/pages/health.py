@@ -68,6 +68,7 @@ def facts(monitor: Monitor, now_ns: int) -> Iterator[tuple[str, str]]:
     in_force = "; ".join([f"{rules} in force", *limited(monitor.rule_remarks())])
     yield "Rules", monitor.rules.problem or (in_force if rules else "none: start with --rules rules.yaml")
     yield "Models", _models(monitor)
+    yield "World models", _world_models(monitor, now_ns)
     left_out = ", ".join(f"{count:,} {what}" for what, count in sorted(monitor.fleet.left_out.items()) if count)
     yield "Left out", left_out or "nothing"
     yield "Class lists rejected", _refused(monitor)
@@ -102,6 +103,18 @@ def _models(monitor: Monitor) -> str:
     robots = ", ".join(state.robots[:MAX_NAMED])
     rest = f" and {len(state.robots) - MAX_NAMED} more" if len(state.robots) > MAX_NAMED else ""
     return f"{told}; canary {canary.label} for {robots}{rest}"
+
+
+def _world_models(monitor: Monitor, now_ns: int) -> str:
+    """Return the sites that world models look after, and what is wrong with them."""
+    if not monitor.fleet.world.on:
+        return "not followed: started with --world off"
+    names = [f"{each.site} by {each.worker}" for each in monitor.fleet.sites.current(now_ns)]
+    if not names:
+        return "none runs: fleetsight worldmodel keeps each object of a site once"
+    rest = f" and {len(names) - MAX_NAMED:,} more sites" if len(names) > MAX_NAMED else ""
+    problems = [*monitor.fleet.world.problems(), *monitor.fleet.sites.problems(now_ns)]
+    return "; ".join([", ".join(names[:MAX_NAMED]) + rest, *limited(problems)])
 
 
 MAX_NAMED: Final = 6

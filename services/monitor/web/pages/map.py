@@ -46,7 +46,8 @@ from services.monitor.web.pages.rows.map import (
 from services.monitor.web.pages.zone_editor import ZoneEditor
 from services.monitor.world.following import ask_for_floor
 from services.monitor.world.shown_site import ShownSite, shown_site, site_names
-from services.monitor.world.site_objects import SITE, ZoneCount
+from services.monitor.world.site_objects import SITE
+from services.monitor.world.zones import ZoneCount
 
 FOR_EVER: Final = {"Cache-Control": "private, max-age=31536000, immutable"}
 

@@ -9,8 +9,7 @@ from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.footprints import DrawnObject
 from services.monitor.map.last_seen import MapObject
 from services.monitor.map.pose import DrawnRobot, Pose
-from services.monitor.world.site_objects import ZoneCount
-from services.monitor.world.zones import Zone
+from services.monitor.world.zones import Zone, ZoneCount
 from tests.services.monitor.world.test_site_objects import thing
 
 NOW = 1_000_000_000_000

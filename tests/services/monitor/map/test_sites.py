@@ -1,5 +1,8 @@
-from schemas.world import SiteStatus
-from services.monitor.map.sites import FRESH_NS, MAX_SITES, Sites, totals
+import msgspec
+
+from schemas.world import MAX_PROBLEMS, RobotOffset, SiteStatus
+from services.monitor.formats import MAX_SHOWN
+from services.monitor.map.sites import FRESH_NS, LATELY_NS, MAX_SITES, Sites, totals
 
 
 def status(site: str = "hall", **objects: int) -> SiteStatus:
@@ -36,6 +39,62 @@ def test_of_too_many_sites_the_one_heard_of_longest_ago_is_forgotten() -> None:
     assert len(names) == MAX_SITES
     assert "s1" not in names
     assert {"s0", "new"} <= names
+
+
+def robot(name: str, doubted: str = "") -> RobotOffset:
+    return RobotOffset(robot=name, x=0, y=0, yaw=0, sigma_m=0, doubted=doubted, views=1, last_ns=1)
+
+
+NO_MAP = "of a robot without a map frame"
+
+
+def hall(*, epoch: str = "e", **given: object) -> SiteStatus:
+    return msgspec.structs.replace(status("hall"), epoch=epoch, **given)
+
+
+def test_robots_that_are_lost_are_problems_while_they_are() -> None:
+    sites = Sites()
+    why = "its pose has jumped"
+    lost = [robot(f"r{number}", why) for number in range(5)]
+    sites.take(hall(robots=[robot("x"), *lost], problems=[f"{each.robot}: {why}" for each in lost]), 10)
+    (problem,) = sites.problems(10)
+    assert problem.startswith(
+        "site hall leaves out the sightings of r0, r1, r2 and 2 more: its pose has jumped; correct"
+    )
+    assert sites.problems(11 + FRESH_NS) == [], "nobody looks after the site"
+    sites.take(hall(robots=[robot("r0")]), 20)
+    assert sites.problems(20) == []
+    off = msgspec.structs.replace(hall(robots=lost, problems=[f"r1: {why}"]), sent_ns=2 + LATELY_NS)
+    sites.take(off, 30)
+    assert sites.problems(30) == [], "no view of it came for long: it is off"
+
+
+def test_sightings_that_are_left_out_are_a_problem_while_more_are_and_with_the_cure() -> None:
+    sites = Sites()
+
+    def at(now_ns: int, count: int, *, epoch: str = "e") -> list[str]:
+        told = f"r1: {count} sightings left out: {NO_MAP}"
+        counted = {NO_MAP: count, "farther, higher or larger than objects are": count}
+        sites.take(hall(epoch=epoch, left_out=counted, problems=[told]), now_ns)
+        return sites.problems(now_ns)
+
+    assert at(1, 7) == [], "nobody knows since when"
+    (problem,) = at(2, 8)
+    assert problem.startswith(
+        "site hall: robots have no frame map, so that what they see has no place: start their loc"
+    )
+    assert problem.endswith(" (r1)")
+    assert at(2 + LATELY_NS, 8) == [problem]
+    assert at(3 + LATELY_NS, 8) == []
+    assert at(4 + LATELY_NS, 9, epoch="f") == [], "another worker counts from 0"
+
+
+def test_problems_that_are_not_known_are_told_as_they_are_and_all_are_limited() -> None:
+    sites = Sites()
+    sites.take(hall(problems=[f"odd\n{number}" for number in range(MAX_PROBLEMS)]), 1)
+    problems = sites.problems(1)
+    assert problems[0] == "site hall: odd\\n0"
+    assert (len(problems), problems[-1]) == (MAX_SHOWN + 1, f"and {MAX_PROBLEMS - MAX_SHOWN} more problems")
 
 
 def test_totals_are_words() -> None:

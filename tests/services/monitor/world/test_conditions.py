@@ -1,4 +1,3 @@
-import struct
 from collections.abc import Callable
 from itertools import count
 from typing import Any
@@ -6,18 +5,19 @@ from typing import Any
 import msgspec
 import pytest
 
-from schemas.world import ChangeKind, FloorLooks, RobotOffset, WorldObject
+from schemas.world import ChangeKind, RobotOffset, WorldObject
 from services.monitor.map.pose import Pose
 from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.model import RuleBook, WorldRule
 from services.monitor.world.conditions import MAX_IDS, MOST_ALERTS, WorldConditions, remarks_on_zones
-from services.monitor.world.floor import floor_of
+from services.monitor.world.floor import LONG_AGO, floor_of
 from services.monitor.world.site_objects import MAX_TRANSITIONS, World
 from services.monitor.world.zones import Zone
 from tests.schemas.results import alert
 from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.rules.ruling import book
+from tests.services.monitor.world.test_floor import looks
 from tests.services.monitor.world.test_site_objects import DOCK, RACK, change, changes, thing
 
 S = 1_000_000_000
@@ -49,6 +49,11 @@ class Hall:
     def change(self, *some: tuple[ChangeKind, WorldObject]) -> None:
         self.objects.take(changes(self.number + 1, *(change(*each) for each in some)))
         self.number += len(some)
+
+    def merge(self, of: WorldObject, into: str) -> None:
+        merged = msgspec.structs.replace(change(ChangeKind.MERGED, of), into=into)
+        self.objects.take(changes(self.number + 1, merged))
+        self.number += 1
 
     def at(self, at_s: float, *, current: bool = True) -> list[str]:
         """Return the alerts that changed."""
@@ -93,6 +98,17 @@ def test_what_was_in_a_zone_at_the_beginning_did_not_enter_it() -> None:
     assert hall.at(103) == ["resolved box c entered hall/dock"]
 
 
+def test_what_entered_and_left_while_changes_were_missed_is_told() -> None:
+    hall = Hall(rule("enters"), rule("leaves"))
+    hall.objects.replace("e", 0, [thing("a", 1), thing("b", 9)])
+    assert hall.at(0) == []
+    hall.objects.take(changes(4, change(MOVED, thing("b", 1))))
+    hall.change((MOVED, thing("a", 9)))
+    assert hall.at(1) == [], "it is not known yet"
+    hall.objects.replace("e", 4, [thing("a", 9), thing("b", 1)])
+    assert sorted(hall.at(2)) == ["raised box a left hall/dock", "raised box b entered hall/dock"]
+
+
 def test_what_left_a_zone_is_told_for_a_while_unless_it_is_back() -> None:
     hall = Hall(rule("leaves", within_s=10))
     hall.objects.replace("e", 0, [thing("a", 1), thing("b", 1)])
@@ -133,25 +149,39 @@ def test_one_object_that_is_missing_from_its_zone_is_elsewhere_or_gone() -> None
     assert hall.at(3) == ["raised box a is missing from hall/dock: it is gone"]
 
 
-def test_an_object_is_near_a_robot_whoever_saw_it_and_the_alert_is_the_robot_s() -> None:
-    hall = Hall(rule("near_robot", than_m=2, robots=["r*"], action={"name": "slow", "payload": "{class} {robot}"}))
-    hall.robots = ["r1", "r2", "x1"]
-    for robot, x in (("r1", 0.0), ("r2", 30.0), ("x1", 0.0)):
-        hall.poses[robot] = Pose(x, 1.0, 0.0, 1_000 * S)
+def test_an_object_that_was_merged_did_not_leave_the_zones_of_the_one_that_it_became() -> None:
+    hall = Hall(rule("leaves", within_s=10), rule("leaves", zone="rack", within_s=10))
+    hall.objects.replace("e", 0, [thing("a", 3.5), thing("b", 1), thing("c", 1), thing("d", 9)])
+    hall.at(0)
+    hall.merge(thing("a", 3.5), into="b")
+    assert hall.at(1) == ["raised box a left hall/rack"]
+    hall.merge(thing("b", 1), into="c")
+    assert hall.at(2) == []
+    hall.merge(thing("c", 1), into="d")
+    assert hall.at(3) == ["raised box c left hall/dock"]
+
+
+def test_an_object_that_left_its_zone_and_was_merged_into_one_there_is_back() -> None:
+    hall = Hall(rule("leaves"))
+    hall.objects.replace("e", 0, [thing("a", 1), thing("b", 1)])
+    hall.at(0)
+    hall.change((MOVED, thing("a", 5)))
+    assert hall.at(1) == ["raised box a left hall/dock"]
+    hall.merge(thing("a", 5), into="b")
+    assert hall.at(2) == ["resolved box a left hall/dock"]
+
+
+def test_what_was_merged_into_an_object_in_its_zone_is_not_missing() -> None:
+    hall = Hall(rule("missing", object="a"))
+    hall.objects.replace("e", 0, [thing("a", 1), thing("b", 1), thing("c", 1)])
     assert hall.at(0) == []
-    hall.change((APPEARED, thing("a", -1.5)), (APPEARED, thing("b", 2.5)), (APPEARED, thing("p", 0, name="pallet")))
-    assert hall.at(1) == ["raised box a is 1.50 m from r1, nearer than 2 m"]
-    assert [(each.robot, each.camera, each.name) for each in hall.engine.alerts()] == [("r1", "", "box")]
-    assert hall.at(60) == []  # the robot's place is not known any more
-    hall.change((APPEARED, thing("c", 1.0)))
-    assert hall.at(60.5) == []
-    hall.poses["r1"] = Pose(0.5, 1.0, 0.0, 1_061 * S)
-    assert sorted(hall.at(61)) == [
-        "raised box c is 0.50 m from r1, nearer than 2 m",
-        "resolved box a is 1.50 m from r1, nearer than 2 m",
-    ]
-    hall.change((APPEARED, thing("d", 1.5)))
-    assert hall.at(62) == ["raised box d is 1.00 m from r1, nearer than 2 m"]
+    hall.merge(thing("a", 1), into="b")
+    hall.merge(thing("b", 1), into="c")
+    assert hall.at(1) == []
+    hall.change((MOVED, thing("c", 9)))
+    assert hall.at(2) == ["raised box a is missing from hall/dock: it is at 9.0, 1.0 m"]
+    hall.merge(thing("c", 9), into="a")  # a circle, which no model tells of
+    assert hall.at(3) == []
 
 
 @pytest.mark.parametrize("why", ["behind", "stale"])
@@ -247,32 +277,23 @@ def test_a_zone_that_nobody_looked_at_for_long_and_one_of_which_nothing_is_known
     assert hall.at(101) == ["resolved 25% of hall/dock was looked at during the last 60 s"]
 
 
-def test_of_a_zone_s_floor_only_what_is_in_the_grid_was_ever_looked_at() -> None:
-    grid = looks([[5, 5], [5, 5]])
-    huge = Zone(name="huge", corners=((0, 0), (90_000, 0), (90_000, 90_000), (0, 90_000)))
-    tiny = Zone(name="tiny", corners=((0.1, 0.1), (0.2, 0.1), (0.2, 0.2)))
-    away = Zone(name="away", corners=((-9, -9), (-8, -9), (-8, -8)))
-    wedge = Zone(name="wedge", corners=((0, 0), (2, 0), (0, 2)))
-    floor = floor_of([huge, tiny, away, wedge, DOCK], grid, 0)
-    shares = {name: each.share_seen(30, 0) for name, each in floor.items()}
-    assert shares == {
-        "huge": pytest.approx(0, abs=1e-6),
-        "tiny": 1,
-        "away": 0,
-        "wedge": pytest.approx(0.5),
-        "dock": 0.25,
-    }
-    assert {each.share_seen(30, 26 * S) for each in floor.values()} == {0}
-    empty = floor_of([tiny], looks([]), 0)
-    assert empty["tiny"].share_seen(30, 0) == 0
-
-
-def looks(ages: list[list[int]]) -> FloorLooks:
-    """Return a grid of square metres from the map's origin on, rows from the lowest y."""
-    cells = [age for row in ages for age in row]
-    columns = len(ages[0]) if ages else 0
-    data = memoryview(struct.pack(f"<{len(cells)}H", *cells))
-    return FloorLooks(site="hall", now_ns=0, origin=(0, 0), cell_m=1, columns=columns, rows=len(ages), ages=data)
+def test_looks_that_a_worker_told_of_count_though_the_next_one_knows_of_none() -> None:
+    hall = Hall({"when": "unseen", "site": "hall", "zone": "dock", "than_s": 60})
+    hall.objects.floor = floor_of([DOCK], looks([[10] * 4] * 4), 1_000 * S)
+    assert hall.at(1) == []
+    nothing = looks([[LONG_AGO] * 4] * 4)
+    for at_s in (10, 30, 49):
+        hall.objects.floor = floor_of([DOCK], nothing, (1_000 + at_s) * S, hall.objects.floor)
+        assert hall.at(at_s) == []
+    newer = looks([[3] * 4] * 2 + [[LONG_AGO] * 4] * 2)
+    hall.objects.floor = floor_of([DOCK], newer, 1_050 * S, hall.objects.floor)
+    assert hall.at(55) == []
+    hall.objects.floor = floor_of([DOCK], nothing, 1_111 * S, hall.objects.floor)
+    assert hall.at(111) == ["raised 0% of hall/dock was looked at during the last 60 s"]
+    hall.world.set_zones([DOCK, Zone(name="other", site="hall", corners=RACK.corners)])
+    assert set(hall.objects.floor) == {"dock"}, "it is as it was"
+    hall.world.set_zones([Zone(name="dock", site="hall", corners=RACK.corners)])
+    assert not hall.objects.floor
 
 
 def test_what_is_remembered_is_limited() -> None:

@@ -6,6 +6,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from time import time_ns
 
+import numpy as np
 import pytest
 
 from bus import Bus, Publisher, QoS, RefusedError, Reply, Request
@@ -14,10 +15,12 @@ from schemas import codec, worker_keys
 from schemas.worker_keys import WorldStream
 from schemas.world import ChangeKind, FloorLooks, WorldAnswer, WorldChanges, WorldObject, WorldRequest
 from services.monitor.map.sites import Sites
+from services.monitor.world import following
 from services.monitor.world.following import ask_for_object, follow_world
 from services.monitor.world.site_objects import SITE, World
+from services.worldmodel.published_objects import inside
 from tests.services.monitor.map.test_sites import status
-from tests.services.monitor.world.test_conditions import looks
+from tests.services.monitor.world.test_floor import looks
 from tests.services.monitor.world.test_site_objects import DOCK, change, changes, thing
 from tests.waiting import until
 
@@ -33,13 +36,15 @@ class Model:
     most: int = 100
     refuses: str = ""
     asked: list[str] = field(default_factory=list)
+    regions: list[list[tuple[float, float]]] = field(default_factory=list)
 
     async def answer(self, request: Request) -> Reply:
         asked = codec.decode(WorldRequest, request.payload, request.encoding)
         self.asked.append(asked.name)
+        self.regions.append(asked.region)
         if self.refuses:
             raise RefusedError(self.refuses)
-        found = [each for each in self.objects if asked.name in ("", each.name)]
+        found = [each for each in self.objects if asked.name in ("", each.name) and _is_in(each, asked.region)]
         answer = WorldAnswer(
             site="hall",
             epoch="e",
@@ -49,6 +54,10 @@ class Model:
             complete=len(found) <= self.most,
         )
         return Reply(codec.encode(answer), codec.encoding(WorldAnswer))
+
+
+def _is_in(of: WorldObject, region: list[tuple[float, float]]) -> bool:
+    return not region or bool(inside(np.array([of.at[:2]]), region)[0])
 
 
 @dataclass
@@ -110,6 +119,28 @@ async def test_what_does_not_fit_into_one_answer_is_asked_for_by_class() -> None
         assert hall.model.asked == ["", "box", "pallet"]
 
 
+async def test_a_class_that_does_not_fit_into_one_answer_is_asked_for_in_parts_of_the_map() -> None:
+    boxes = [thing(f"b{number:03}", number % 25, number // 25) for number in range(500)]
+    shelf = [thing(f"s{number}", -2.0, number / 100) for number in range(50)]
+    pallet = thing("p", 1, name="pallet")
+    async with hall_of(Model([*boxes, *shelf, pallet], most=20)) as hall:
+        await until(lambda: hall.boxes)
+        objects = hall.world.sites["hall"]
+        assert objects.count(SITE) == {"box": 550, "pallet": 1}
+        assert (objects.is_full, list(hall.world.problems())) == (False, [])
+        assert len(hall.model.asked) < 150
+
+
+async def test_where_parts_of_the_map_cannot_be_made_smaller_it_is_told_that_not_all_are_followed() -> None:
+    pile = [thing(f"b{number}", 1) for number in range(30)]
+    async with hall_of(Model([thing("far", 9), *pile], most=20)) as hall:
+        await until(lambda: hall.boxes)
+        objects = hall.world.sites["hall"]
+        assert (hall.boxes, "far" in objects.objects, objects.is_full) == (20, True, True)
+        (problem,) = hall.world.problems()
+        assert problem.startswith("site hall has more than 21 objects; the others are counted nowhere")
+
+
 async def test_a_refused_question_is_asked_again_and_told_once(caplog: pytest.LogCaptureFixture) -> None:
     async with hall_of(Model([thing("a", 1)], refuses="not yet")) as hall:
         await until(lambda: len(hall.model.asked) == 2)
@@ -139,6 +170,23 @@ async def test_the_floor_is_asked_for_while_a_rule_needs_it() -> None:
         assert not objects.floor
         objects.floor_wanted = frozenset({"dock"})
         await until(lambda: objects.floor)
+        assert objects.floor["dock"].share_seen(30, objects.floor["dock"].at_ns) == 1
+
+
+async def test_looks_at_the_floor_outlive_the_worker_that_told_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(following, "FLOOR_EVERY_S", 0.01)
+    ages = [7]
+
+    async def answer(_: Request) -> Reply:
+        return Reply(codec.encode(looks([[ages[-1]] * 4] * 4)), codec.encoding(FloorLooks))
+
+    async with hall_of(Model()) as hall, hall.bus.serve(worker_keys.world_key("hall", WorldStream.FLOOR), answer):
+        objects = hall.world.sites["hall"]
+        objects.floor_wanted = frozenset({"dock"})
+        await until(lambda: objects.floor)
+        ages.append(65_535)
+        asked_ns = time_ns()
+        await until(lambda: objects.floor["dock"].at_ns > asked_ns)
         assert objects.floor["dock"].share_seen(30, objects.floor["dock"].at_ns) == 1
 
 

@@ -70,6 +70,29 @@ def test_each_zone_counts_the_objects_in_it_as_they_come_move_and_go(hall: SiteO
     assert set(hall.objects) == {"p", "o1"}
 
 
+def test_an_object_on_a_border_stays_in_its_zones_until_it_is_clearly_outside(hall: SiteObjects) -> None:
+    hall.take(changes(1, change(APPEARED, thing("a", 4.1)), change(APPEARED, thing("b", 3.9))))
+    assert [hall.objects[each].zones for each in "ab"] == [("rack",), ("dock", "rack")]
+    for number, x in enumerate((4.1, 3.9, 4.005, 4.19)):
+        hall.take(changes(3 + number, change(MOVED, thing("b", x))))
+        assert hall.objects["b"].zones == ("dock", "rack")
+    hall.transitions.clear()
+    hall.take(changes(7, change(MOVED, thing("b", 4.21)), change(MOVED, thing("b", 4.1)), change(MOVED, thing("b", 4))))
+    assert [(each.was_in("dock"), each.is_in("dock")) for each in hall.transitions] == [(True, False)] + 2 * [
+        (False, False)
+    ]
+    hall.take(changes(10, change(MOVED, thing("b", 3.95)), change(MOVED, thing("b", 4.15, -0.15))))
+    assert [hall.objects[each].zones for each in "ab"] == 2 * [("rack",)], "a corner is farther away than its sides"
+    assert (hall.count("dock"), hall.count("rack")) == ({"box": 0}, {"box": 2})
+
+
+def test_zones_that_change_shape_are_judged_anew_and_the_others_are_not(hall: SiteObjects) -> None:
+    hall.take(changes(1, change(APPEARED, thing("a", 3.5)), change(MOVED, thing("a", 3.5, 4.1))))
+    assert hall.count("rack") == {"box": 1}
+    hall.set_zones([DOCK, RACK.model_copy(update={"corners": ((3, 0), (9, 0), (9, 4), (3, 4))})])
+    assert hall.objects["a"].zones == ("dock",)
+
+
 def test_an_object_of_another_class_than_before_counts_as_that(hall: SiteObjects) -> None:
     hall.take(changes(1, change(APPEARED, thing("a", 1)), change(SEEN, thing("a", 1, name="pallet"))))
     assert hall.count("dock") == {"box": 0, "pallet": 1}
@@ -103,6 +126,52 @@ def test_after_a_gap_or_in_another_epoch_all_are_asked_for_and_later_changes_wai
     hall.replace(missed.epoch, missed.first, [thing("b", 1), thing("c", 1)])
     assert (hall.is_behind, set(hall.objects)) == (False, {"b", "c", "d"})
     assert (hall.count("dock"), hall.count("rack")) == ({"box": 2}, {"box": 1})
+
+
+def _went(site: SiteObjects, zone: str = "dock") -> dict[str, tuple[bool, bool]]:
+    """Return whether each object with a transition was in a zone, and is."""
+    return {each.object_id: (each.was_in(zone), each.is_in(zone)) for each in site.transitions}
+
+
+@pytest.mark.parametrize("epoch", ["e", "f"])
+def test_what_happened_while_changes_were_missed_is_in_the_transitions(hall: SiteObjects, epoch: str) -> None:
+    before = [thing("stays", 1), thing("goes", 1), thing("comes", 9), thing("gone", 1), thing("edge", 3.95)]
+    hall.replace("e", 1, before)
+    assert not hall.transitions, "these are the first"
+    hall.take(changes(2, change(MOVED, thing("earlier", 9))))
+    hall.take(changes(7, change(SEEN, thing("stays", 1)), epoch=epoch))
+    after = [thing("stays", 1), thing("goes", 9), thing("comes", 1), thing("new", 1), thing("edge", 4.05)]
+    hall.replace(epoch, 8, [*after, thing("earlier", 9)])
+    assert _went(hall) == {
+        "earlier": (False, False),
+        "goes": (True, False),
+        "comes": (False, True),
+        "gone": (True, False),
+        "new": (False, True),
+        "edge": (True, True),
+    }
+
+
+def test_nothing_entered_or_left_where_ids_began_anew(hall: SiteObjects) -> None:
+    hall.replace("e", 1, [thing("a", 1)])
+    hall.replace("f", 1, [thing("b", 1), thing("c", 9)])
+    assert not hall.transitions
+    hall.replace("f", 3, [])
+    assert _went(hall) == {"b": (True, False), "c": (False, False)}
+
+
+def test_what_was_merged_while_changes_were_missed_did_not_leave(hall: SiteObjects) -> None:
+    hall.replace("e", 1, [thing("a", 1), thing("b", 1)])
+    hall.take(changes(3, msgspec.structs.replace(change(MERGED, thing("a", 1)), into="b")))
+    hall.replace("e", 3, [thing("b", 1)])
+    assert not hall.transitions
+
+
+def test_what_is_not_followed_any_more_as_there_are_too_many_did_not_leave() -> None:
+    hall = SiteObjects([DOCK], most=2)
+    hall.replace("e", 0, [thing("a", 1), thing("b", 1)])
+    hall.replace("e", 9, [thing("c", 1), thing("b", 9), thing("a", 1)])
+    assert _went(hall) == {"b": (True, False)}
 
 
 def test_an_answer_that_is_older_than_what_was_missed_is_not_enough(hall: SiteObjects) -> None:

@@ -11,7 +11,7 @@ from services.monitor.map.footprints import AGES_S, DrawnObject, address_of
 from services.monitor.map.last_seen import MapObject
 from services.monitor.map.sites import totals
 from services.monitor.web.pages.rows.formatting import ago, plural, seen_lately
-from services.monitor.world.site_objects import ZoneCount
+from services.monitor.world.zones import ZoneCount
 
 
 def rest_row(more: int) -> str:

@@ -13,8 +13,7 @@ from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.last_seen import MapObject
 from services.monitor.web.pages.map import floor_plan_route, url_of
 from services.monitor.web.pages.rows.map import floor_in_words, keys, row, zone_in_words
-from services.monitor.world.site_objects import ZoneCount
-from services.monitor.world.zones import Zone
+from services.monitor.world.zones import Zone, ZoneCount
 
 NOW = 10**18
 HTML = "<b onclick=x>"

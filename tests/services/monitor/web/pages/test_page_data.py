@@ -1,6 +1,7 @@
 """Data shared by all pages."""
 
 import asyncio
+import time
 from pathlib import Path
 
 import msgspec
@@ -8,6 +9,7 @@ import msgspec
 from bus.fake import FakeNetwork
 from schemas.alerts import AlertState
 from schemas.keys import CameraKey
+from schemas.world import RobotOffset
 from services.monitor.history.archive import Archive
 from services.monitor.history.store import Store
 from services.monitor.web.pages.alerts import KeptAlerts
@@ -16,6 +18,7 @@ from services.monitor.web.pages.page_data import PageData
 from services.monitor.web.pages.rows.robots import RobotFilter
 from tests.schemas.results import distances
 from tests.services.monitor.inventory.seeing import seen
+from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.web.pages.rows.test_alerts import ALERT
 from tests.services.monitor.web.serving import monitor_on
 from tests.waiting import until
@@ -62,6 +65,22 @@ async def test_a_monitor_says_how_it_is() -> None:
     assert said["Left out"] == "1,200 malformed messages"
     assert (said["Class lists rejected"], said["Second opinions ignored"]) == ("none", "none")
     assert said["Distances ignored"] == "none"
+
+
+async def test_a_monitor_says_which_world_models_it_hears_and_what_is_wrong_with_them() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        monitor = monitor_on(bus)
+
+        def said() -> str:
+            return dict(facts(monitor, monitor.started_ns))["World models"]
+
+        assert said().startswith("none runs: fleetsight worldmodel")
+        lost = RobotOffset(robot="r1", x=0, y=0, yaw=0, sigma_m=0, doubted="it is lost", views=1, last_ns=1)
+        monitor.fleet.sites.take(msgspec.structs.replace(status("hall"), robots=[lost]), time.time_ns())
+        assert said().startswith("hall by w; site hall leaves out the sightings of r1: it is lost; correct that")
+        assert [each for each in monitor.problems() if "r1" in each] == [said().removeprefix("hall by w; ")]
+        off = monitor_on(bus, world="off")
+        assert dict(facts(off, off.started_ns))["World models"] == "not followed: started with --world off"
 
 
 async def test_a_monitor_says_which_cameras_lists_come_late_and_how_many_opinions_do() -> None:
