@@ -18,6 +18,9 @@ LOW_M: Final = 0.35
 """What is lower counts as floor."""
 
 FARTHEST_M: Final = 12.0
+WIDEST_M: Final = 60.0
+"""No camera shows floor that is farther from it than this along x or y, however wide its lens is said to be."""
+
 BLOCK: Final = 32
 """Cells by which the grid grows."""
 
@@ -98,7 +101,9 @@ def _seen(grid: DepthGrid, pose: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the cells (n, 2; x, y) of which a camera at a pose (4 x 4) shows the floor."""
     far = np.frombuffer(grid.far_mm, "<u2").reshape(grid.rows, grid.columns)[::STEP, ::STEP] / 1000
     columns, rows = np.arange(0, grid.columns, STEP) + 0.5, np.arange(0, grid.rows, STEP) + 0.5
-    x, y = np.meshgrid((columns - grid.cx) / grid.fx, (rows - grid.cy) / grid.fy)
-    optical = np.stack([x * far, y * far, far], axis=2)[(far > 0) & (far < FARTHEST_M)]
-    points = optical @ pose[:3, :3].T + pose[:3, 3]
-    return np.floor(points[points[:, 2] < LOW_M, :2] / CELL_M).astype(np.int64)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a lens that cannot be
+        x, y = np.meshgrid((columns - grid.cx) / grid.fx, (rows - grid.cy) / grid.fy)
+        optical = np.stack([x * far, y * far, far], axis=2)[(far > 0) & (far < FARTHEST_M)]
+        away = optical @ pose[:3, :3].T
+    low = (away[:, 2] + pose[2, 3] < LOW_M) & (np.abs(away[:, :2]) < WIDEST_M).all(axis=1)
+    return np.floor((away[low, :2] + pose[:2, 3]) / CELL_M).astype(np.int64)

@@ -82,7 +82,7 @@ class SiteModel:
         if views and views[-1][1] - self._swept_ns > SWEEP_NS:
             self._swept_ns = views[-1][1]
             self.lifecycle.sweep(self._swept_ns)
-        return self.lifecycle.events
+        return self.events
 
     def restore(
         self, objects: Objects, classes: Sequence[str], cameras: Sequence[tuple[str, str]], next_number: int
@@ -113,6 +113,11 @@ class SiteModel:
     def objects(self) -> Objects:
         """The objects by row."""
         return self.lifecycle.objects
+
+    @property
+    def events(self) -> list[Event]:
+        """What the views that were taken in last changed."""
+        return self.lifecycle.events
 
     @property
     def index(self) -> Index:

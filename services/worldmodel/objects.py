@@ -182,8 +182,10 @@ class Index:
             self._changed(cell)
 
     def drop(self, row: int) -> None:
-        """Forget a row."""
-        self._leave(row, self._cell.pop(row))
+        """Forget a row, if it is known."""
+        cell = self._cell.pop(row, None)
+        if cell is not None:
+            self._leave(row, cell)
 
     def near(self, places: Floats) -> tuple[Rows, Rows]:
         """Return pairs of numbers of places (n, 2) and rows that are within CELL_M of them, and some others."""

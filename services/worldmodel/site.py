@@ -49,6 +49,7 @@ REPLACED: Final = "views replaced by newer ones"
 MALFORMED: Final = "malformed views"
 OTHER_FRAME: Final = "views in another frame than the site's"
 CLOCKS_APART: Final = "views whose stamps are far from when they came, taken as of then"
+FAILED: Final = "of views that could not be taken in, see the log"
 
 
 class ViewReader:
@@ -125,6 +126,7 @@ class Site:
         self._roster = Roster((camera for camera, _ in self.model.cameras.items()), time.time_ns())
         self._reader = ViewReader(settings.frame, self._roster)
         self._nearby: dict[str, Task[None]] = {}
+        self._failed: set[str] = set()
         self._lag_ns = 0
         self._now_ns = 0
 
@@ -156,13 +158,37 @@ class Site:
                 self._lag_ns = max(0, now_ns - batch[0].received_ns)
                 found = self._reader.read(batch)
                 self._forget(*self._roster.take_left())
-                events = self.model.take_all(found)
-                self._tell(told, [self._inventory.change(event) for event in events])
-                for view, at_ns in found:
-                    self._floor.take(view, at_ns)
+                usual = [each for each in found if each[0].header.robot not in self._failed]
+                for some in (usual, *([each] for each in found if each[0].header.robot in self._failed)):
+                    self._take(told, some)
                 for robot in {view.header.robot for view, _ in found} - self._nearby.keys():
                     self._nearby[robot] = group.create_task(self._tell_nearby(robot))
                 await asyncio.sleep(0)
+
+    def _take(self, told: Publisher, views: Sequence[tuple[CameraView, int]]) -> None:
+        """Take views in, and tell what changed.
+
+        Whatever a view does that nobody expected, others count: each is then taken alone, and so are all later ones of
+        the robot whose view it was.
+        """
+        try:
+            try:
+                self.model.take_all(views)
+            finally:  # what changed before it failed has changed
+                self._tell(told, [self._inventory.change(event) for event in self.model.events])
+            for view, at_ns in views:
+                self._floor.take(view, at_ns)
+        except Exception:
+            if len(views) != 1:
+                for each in views:
+                    self._take(told, [each])
+                return
+            ((view, _),) = views
+            robot = view.header.robot
+            self.model.left_out[robot, FAILED] += max(1, len(view.objects))
+            if robot not in self._failed:
+                self._failed.add(robot)
+                log.exception("a view of %s left out, as are later ones like it", robot)
 
     def _heed_clock(self, now_ns: int) -> None:
         """Notice that the system clock was set back: until it were as late again, nothing would be new."""
@@ -176,6 +202,7 @@ class Site:
         if cameras:
             self.model.forget(set(robots), cameras)
             self._floor.forget(cameras)
+        self._failed.difference_update(robots)
         for robot in robots:
             if robot in self._nearby:
                 self._nearby.pop(robot).cancel()
