@@ -1,6 +1,7 @@
 """A model's state as bytes, for a restart and for workers that stand by. Pure."""
 
 from dataclasses import fields
+from secrets import randbelow
 from typing import Annotated, Any, Final
 
 import msgspec
@@ -12,6 +13,13 @@ from services.worldmodel.objects import Objects
 VERSION: Final = 1
 _LEFT_OUT: Final = frozenset({"anchor", "anchor_variance", "anchor_robot"})
 """Offsets are estimated anew, so what they were estimated from is not kept."""
+
+SKIPPED: Final = 1 << 24
+"""Numbers that a run may have given to objects since its state was saved, at most. Nobody may get them again."""
+
+RUNS: Final = 1 << 16
+"""Several runs may go on from one state, as where the first one ends before it saves its own: each skips up to so many
+times SKIPPED, by chance, so that they give different numbers. A number has 63 bits, room for 8 million restarts."""
 
 
 class StateError(Exception):
@@ -70,7 +78,8 @@ def restored(site: str, data: bytes, model: SiteModel) -> tuple[str, int]:
         objects = _objects(arrays)
     except (msgspec.MsgspecError, ValueError, TypeError, KeyError) as error:
         raise StateError(f"not the state of a model: {error}") from error
-    model.restore(objects, state.classes, [(robot, camera) for robot, camera in state.cameras], state.next_number)
+    next_number = state.next_number + SKIPPED * (1 + randbelow(RUNS))
+    model.restore(objects, state.classes, [(robot, camera) for robot, camera in state.cameras], next_number)
     return state.prefix, state.last
 
 

@@ -78,6 +78,24 @@ def test_a_model_goes_on_after_a_restart_with_the_same_ids() -> None:
     assert len({each.id for each in Inventory("hall-2", "a1", again).matching(WorldRequest(), NOW_NS)[0]}) == 4
 
 
+def test_runs_that_go_on_from_one_state_give_no_id_that_another_one_gave(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = iter((0, 1))
+    monkeypatch.setattr("services.worldmodel.state.randbelow", lambda _: next(drawn))
+    first = seen().model
+    data = saved("hall-2", "a1", 7, first)
+    second, third = SiteModel(), SiteModel()
+    for each in (second, third):
+        restored("hall-2", data, each)
+    ids = []
+    for model, new in ((first, Thing(3.0, -0.6)), (second, Thing(3.4, -0.2)), (third, Thing(3.4, -0.2))):
+        watch(model, [*THINGS, new], [Camera(robot="r4")], 16.0, 6)
+        ids.append({each.id for each in Inventory("hall-2", "a1", model).matching(WorldRequest(), NOW_NS)[0]})
+    assert [len(each) for each in ids] == [len(THINGS) + 1] * 3
+    old = set.intersection(*ids)
+    assert len(old) == len(THINGS)
+    assert len(set.union(*ids) - old) == 3
+
+
 @pytest.mark.parametrize("data", [b"", b"\x80", saved("hall-3", "a1", 7, SiteModel())], ids=["empty", "other", "site"])
 def test_what_is_no_state_of_the_site_is_refused(data: bytes) -> None:
     with pytest.raises(StateError):
