@@ -59,6 +59,8 @@ CUT_SHARE: Final = 0.05
 FARTHEST_M: Final = 30.0
 HIGHEST_M: Final = 50.0
 WIDEST_M: Final = 20.0
+TALLEST_M: Final = 20.0
+"""How far from the middle of what is seen of an object its lowest and highest point are, at most."""
 
 
 @dataclass(slots=True, eq=False)
@@ -120,6 +122,7 @@ def place(frames: Frames, numbers: Sequence[int]) -> tuple[Sightings, Rows]:
         & (np.abs(table[:, 2] - frames.camera[frame, 2]) < HIGHEST_M)
         & (table[:, 11:].max(axis=1, initial=0.0) < WIDEST_M * 1000)
         & (table[:, 5] >= table[:, 4])
+        & (np.abs(table[:, 4:6] - table[:, 2:3]) < TALLEST_M).all(axis=1)
         & (table[:, 3] <= FARTHEST_M)
     )
     kept = np.flatnonzero(sane)

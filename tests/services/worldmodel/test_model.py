@@ -194,6 +194,9 @@ def test_nonsense_is_left_out_and_attributed() -> None:
         msgspec.structs.replace(box, at=(500.0, 0.0, 0.2)),
         msgspec.structs.replace(box, depth_m=900.0),
         msgspec.structs.replace(box, low_m=2.0, high_m=1.0),
+        msgspec.structs.replace(box, low_m=5e8, high_m=5e8 + 0.3),
+        msgspec.structs.replace(box, low_m=-50.0),
+        msgspec.structs.replace(box, high_m=50.0),
         msgspec.structs.replace(box, reach_mm=[2_000_000] * 12),
     ]
     model.take(msgspec.structs.replace(seen, objects=wrong), NS)
