@@ -68,13 +68,15 @@ def assign(seen: Sightings, objects: Objects, row: Rows, of: Rows, pose: Floats)
 
 
 def close(seen: Sightings, objects: Objects, row: Rows, of: Rows) -> tuple[Rows, Rows]:
-    """Return those of the pairs of sightings and objects of one class that are near enough to be one."""
+    """Return those of the pairs of sightings and objects of one class that are near enough, and level, to be one."""
     alike = seen.classes[row] == objects.cls[of]
     row, of = row[alike], of[alike]
     reach = REACH_M + objects.size[of, 0] / 2
     x, y = (seen.middle[row] - objects.centre[of]).T
     near = (np.abs(x) < reach) & (np.abs(y) < reach)
-    return row[near], of[near]
+    row, of = row[near], of[near]
+    level = np.minimum(seen.high[row], objects.high[of]) >= np.maximum(seen.low[row], objects.low[of])
+    return row[level], of[level]
 
 
 def displaced(edges: Floats, noise: Floats, reference: Floats, variance: Floats) -> tuple[Floats, Floats]:

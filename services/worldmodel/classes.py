@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_CLASSES: Final = 256
+NO_CLASS: Final = -1
+"""The number of a class that there is no room for."""
+
 BANDS: Final = 6
 BAND_M: Final = 2.0
 """Hit rates are learned per band of distance: BANDS of BAND_M each, the last one for all that is farther."""
@@ -68,7 +71,7 @@ class Classes:
     _numbers: dict[str, int] = field(default_factory=dict)
 
     def number(self, name: str) -> int:
-        """Return a class's number, a new one for a new name; -1 where there are too many classes."""
+        """Return a class's number, a new one for a new name; NO_CLASS where there are too many classes."""
         found = self._numbers.get(name)
         if found is None and len(self.names) < MAX_CLASSES:
             found = self._numbers[name] = len(self.names)
@@ -76,7 +79,7 @@ class Classes:
             size = self.usual.get(name, UNKNOWN_SIZE)
             self.sizes[found] = size.length, size.width, size.height, size.sigma, size.height_sigma
             self.moves[found] = size.moves
-        return -1 if found is None else found
+        return NO_CLASS if found is None else found
 
     def is_large(self, classes: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return which of these classes are of things that a camera sees in parts."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from schemas.distances import CameraView
 from services.worldmodel.association import Assignment, assign, close, displaced
-from services.worldmodel.classes import Classes
+from services.worldmodel.classes import NO_CLASS, Classes
 from services.worldmodel.events import Event
 from services.worldmodel.evidence import Looks, look
 from services.worldmodel.frames import Frames
@@ -38,9 +38,15 @@ KNOWN_M2: Final = 0.25
 """Variance from which on an object says nothing of where a robot is."""
 
 SWEEP_NS: Final = 6 * NS
+TOO_MANY_CLASSES: Final = "of more classes than there may be"
+TOO_MANY_SEEN: Final = "of views of more objects than count"
 TOO_FAR: Final = "farther, higher or larger than objects are"
 DOUBTED: Final = "of a robot whose pose is doubted"
 UNLOCATED: Final = "of a robot without a map frame"
+_NOT_COUNTED: Final = -2
+"""Stands for the class of what is left out without being looked at."""
+
+_WHY: Final = {NO_CLASS: TOO_MANY_CLASSES, _NOT_COUNTED: TOO_MANY_SEEN}
 
 
 class SiteModel:
@@ -105,6 +111,7 @@ class SiteModel:
             np.array(each, np.intp) for each in (self.robots.forget(robots), self.cameras.forget(cameras))
         )
         self.offsets.forget(robot_numbers, camera_numbers)
+        self.lifecycle.forget(robots)
         self.objects.forget_seers(robot_numbers, camera_numbers)
         for robot, reason in [each for each in self.left_out if each[0] in robots]:
             self.left_out["", reason] += self.left_out.pop((robot, reason))
@@ -183,16 +190,20 @@ class SiteModel:
         number_of = dict(zip(nth.tolist(), self.objects.number[rows].tolist(), strict=True))
         nths = count()
         for view in frames.views:
-            pairs = [(each.index, number_of.get(next(nths))) for each in view.objects]
-            identify(view, {index: number for index, number in pairs if number is not None})
+            pairs = [(each.index, number_of.get(next(nths), -1)) for each in view.objects]
+            identify(view, {index: number for index, number in pairs if number >= 0})
 
     def _placed(self, frames: Frames) -> Sightings:
-        number = self.classes.number
-        numbers = [number(each.name) for view in frames.views for each in view.objects]
+        number, most = self.classes.number, self.rules.most_seen
+        numbers = [
+            number(each.name) if nth < most else _NOT_COUNTED
+            for view in frames.views
+            for nth, each in enumerate(view.objects)
+        ]
         seen, wrong = place(frames, numbers)
         self.sightings += len(seen)
-        for each in wrong.tolist():
-            self.left_out[frames.views[each].header.robot, TOO_FAR] += 1
+        for each, view in zip(wrong.tolist(), frames.frame_of[wrong].tolist(), strict=True):
+            self.left_out[frames.views[view].header.robot, _WHY.get(numbers[each], TOO_FAR)] += 1
         return seen
 
     def _sure(self, row: Rows, of: Rows) -> tuple[Rows, Rows]:

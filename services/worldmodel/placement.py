@@ -108,9 +108,9 @@ class Sightings:
 
 
 def place(frames: Frames, numbers: Sequence[int]) -> tuple[Sightings, Rows]:
-    """Return the sightings of views, and the numbers of views of which sightings were left out as impossible.
+    """Return the sightings of views, and which of all objects of the views are none, as they cannot be.
 
-    numbers: of the class of each view's each object, one after another; negative for none.
+    numbers: of the class of each view's each object, one after another; negative for those that are left out.
     """
     table, frame = frames.objects, frames.frame_of
     classes = np.array(numbers, np.intp)
@@ -126,7 +126,7 @@ def place(frames: Frames, numbers: Sequence[int]) -> tuple[Sightings, Rows]:
         & (table[:, 3] <= FARTHEST_M)
     )
     kept = np.flatnonzero(sane)
-    return _placed(frames, kept, classes[kept], away[kept]), frame[~sane]
+    return _placed(frames, kept, classes[kept], away[kept]), np.flatnonzero(~sane)
 
 
 def _placed(frames: Frames, nth: Rows, classes: Rows, away: Floats) -> Sightings:
