@@ -116,6 +116,11 @@ class SiteModel:
         for robot, reason in [each for each in self.left_out if each[0] in robots]:
             self.left_out["", reason] += self.left_out.pop((robot, reason))
 
+    def trusts(self, robot: str) -> bool:
+        """Return whether a robot that sent views is where it says, as far as one knows."""
+        number = self.robots.find(robot)
+        return number is not None and bool(self.offsets.doubted[number] == RIGHT)
+
     @property
     def objects(self) -> Objects:
         """The objects by row."""

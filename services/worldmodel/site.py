@@ -177,7 +177,8 @@ class Site:
             finally:  # what changed before it failed has changed
                 self._tell(told, [self._inventory.change(event) for event in self.model.events])
             for view, at_ns in views:
-                self._floor.take(view, at_ns)
+                if self.model.trusts(view.header.robot):  # who is lost looked at floor elsewhere
+                    self._floor.take(view, at_ns)
         except Exception:
             if len(views) != 1:
                 for each in views:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from schemas.world import WorldRequest
-from services.worldmodel.floor import EVERY_NS, Floor
+from schemas.world import MAX_CELLS, WorldRequest
+from services.worldmodel.floor import BLOCK, CELL_M, EVERY_NS, MOST_BLOCKS, Floor
 from services.worldmodel.model import SiteModel
 from services.worldmodel.published_objects import Inventory, inside
 from services.worldmodel.settings import WorldSettings
@@ -119,6 +119,27 @@ def test_the_floor_that_was_looked_at_is_as_old_as_the_look() -> None:
     floor.take(view([], Camera(100.0, 0.0), 6.0), 5 * NS + EVERY_NS)
     grown = floor.message("hall-2", 25 * NS)
     assert grown.columns > said.columns
+
+
+def test_floor_far_away_leaves_room_for_the_floor_that_there_is() -> None:
+    floor, elsewhere = Floor(), Camera(30_000.0, 0.0)
+    floor.take(view([], elsewhere, 1.0), NS)
+    assert floor.message("hall-2", 2 * NS).origin[0] > 29_000
+    for step in range(4):
+        floor.take(view([], Camera(15.0 * step, 0.0), 2.0), 3 * NS + step * EVERY_NS)
+    said = floor.message("hall-2", 25 * NS)
+    assert said.columns * said.rows <= MAX_CELLS
+    ages = np.frombuffer(said.ages, "<u2").reshape(said.rows, said.columns)
+    for step in range(4):
+        assert ages[int(0.0 - said.origin[1]), int(15.0 * step + 4.0 - said.origin[0])] == 22 - 2 * step
+
+
+def test_of_too_much_floor_the_one_looked_at_longest_ago_is_forgotten() -> None:
+    floor, wide = Floor(), BLOCK * CELL_M
+    for number in range(MOST_BLOCKS + 1):
+        floor.take(view([], Camera(wide * (number + 0.2), wide / 2), 1.0), NS + number * EVERY_NS)
+    said = floor.message("hall-2", NS + MOST_BLOCKS * EVERY_NS)
+    assert (said.origin, said.rows, said.columns) == ((wide, 0.0), BLOCK, MOST_BLOCKS * BLOCK)
 
 
 def test_sites_are_given_with_their_robots() -> None:

@@ -105,6 +105,17 @@ async def test_views_that_come_with_one_that_fails_count(monkeypatch: pytest.Mon
     assert site.model.robots.names == ["r1", "r2"]
 
 
+async def test_floor_that_a_robot_with_a_wrong_pose_looks_at_is_not_looked_at() -> None:
+    async with FakeNetwork().open_bus() as bus:
+        site = Site(bus, WorldSettings(), "main")
+        async with bus.publisher(world_key("main", WorldStream.CHANGES), QoS.RESULT) as told:
+            site._take(told, [(view([BOX], Camera(), 1.0), NS)])
+            before = site._floor.message("main", 10 * NS)
+            site._take(told, [(view([BOX], Camera(off=(60.0, 0.0, 0.0)), 4.0), 4 * NS)])
+    assert before.columns > 0
+    assert site._floor.message("main", 10 * NS) == before
+
+
 @pytest.mark.parametrize("focal", [1e-300, 1e-6, 1.0])
 def test_a_lens_that_cannot_be_shows_no_floor_far_away(focal: float) -> None:
     floor = Floor()
