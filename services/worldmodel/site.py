@@ -5,7 +5,7 @@ import logging
 import time
 from asyncio import Task, TaskGroup
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import islice
 from math import radians
 from typing import Final
@@ -53,11 +53,15 @@ FAILED: Final = "of views that could not be taken in, see the log"
 
 
 class ViewReader:
-    """Decodes views. frame: of the site's map. roster: whose views there is room for. left_out: counts, by reason."""
+    """Decodes views. frame: of the site's map. roster: whose views there is room for. left_out: counts, by reason.
 
-    def __init__(self, frame: str, roster: Roster) -> None:
+    elsewhere: robots of other sites, whose views are none of this one's.
+    """
+
+    def __init__(self, frame: str, roster: Roster, elsewhere: Collection[str] = ()) -> None:
         self._frame = frame
         self._roster = roster
+        self._elsewhere = elsewhere
         self.left_out: Counter[str] = Counter()
 
     def read(self, samples: Sequence[Sample]) -> list[tuple[CameraView, int]]:
@@ -66,11 +70,14 @@ class ViewReader:
         return sorted(found, key=lambda each: each[1])
 
     def _read(self, sample: Sample) -> tuple[CameraView, int] | None:
-        if sample.replaced:
-            self.left_out[REPLACED] += sample.replaced
         try:
+            camera = keys.parse_stream(sample.key).camera
+            if camera.robot in self._elsewhere:
+                return None
+            if sample.replaced:
+                self.left_out[REPLACED] += sample.replaced
             view = codec.decode(CameraView, sample.payload, sample.encoding)
-            codec.check_identity(view.header, keys.parse_stream(sample.key).camera)
+            codec.check_identity(view.header, camera)
         except SchemaError as error:
             self.left_out[MALFORMED] += 1
             log.warning("%s left out: %s", sample.key, error)
@@ -124,7 +131,7 @@ class Site:
         self._epoch = uuid4().hex[:12]
         self._floor = Floor()
         self._roster = Roster((camera for camera, _ in self.model.cameras.items()), time.time_ns())
-        self._reader = ViewReader(settings.frame, self._roster)
+        self._reader = ViewReader(settings.frame, self._roster, settings.elsewhere(name))
         self._nearby: dict[str, Task[None]] = {}
         self._failed: set[str] = set()
         self._lag_ns = 0
@@ -177,7 +184,7 @@ class Site:
             finally:  # what changed before it failed has changed
                 self._tell(told, [self._inventory.change(event) for event in self.model.events])
             for view, at_ns in views:
-                if self.model.trusts(view.header.robot):  # who is lost looked at floor elsewhere
+                if self.model.trusts(view.header.robot):  # a lost one looked at floor elsewhere
                     self._floor.take(view, at_ns)
         except Exception:
             if len(views) != 1:

@@ -3,16 +3,22 @@
 import numpy as np
 import pytest
 
+from bus import Sample
+from schemas import codec
+from schemas.distances import CameraView
 from schemas.world import MAX_CELLS, WorldRequest
 from services.worldmodel.floor import BLOCK, CELL_M, EVERY_NS, MOST_BLOCKS, Floor
 from services.worldmodel.model import SiteModel
+from services.worldmodel.names import Roster
 from services.worldmodel.published_objects import Inventory, inside
 from services.worldmodel.settings import WorldSettings
+from services.worldmodel.site import REPLACED, ViewReader
 from services.worldmodel.state import StateError, restored, saved
 from tests.services.worldmodel.scene import NS, Camera, Thing, known, view, watch
 
 THINGS = [Thing(3.0, 0.8), Thing(4.0, -0.9), Thing(4.2, 0.5, (1.2, 0.8, 0.14), name="pallet")]
 NOW_NS = 10 * NS
+ENCODING = codec.encoding(CameraView)
 
 
 def seen() -> Inventory:
@@ -148,3 +154,24 @@ def test_sites_are_given_with_their_robots() -> None:
     for wrong in (["a/b=r1"], ["hall=r/1"], ["hall=r1", "hall=r2"], []):
         with pytest.raises(ValueError, match="site"):
             WorldSettings(sites=wrong)
+    for twice, said in (
+        (["hall-2=r1+r2", "hall-3=r3+r1"], "robot r1 is given 2 times"),
+        (["hall-2=r1+r1"], "robot r1 is given 2 times"),
+        (["main=*", "hall-2"], "every robot is given 2 times"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            WorldSettings(sites=twice)
+
+
+def test_a_robot_that_a_site_names_is_in_no_other_one() -> None:
+    settings = WorldSettings(sites=["main=*", "hall-2=r1+r2", "hall-3=r3"])
+    assert settings.elsewhere("main") == {"r1", "r2", "r3"}
+    assert settings.elsewhere("hall-3") == {"r1", "r2"}
+    roster = Roster()
+    reader = ViewReader("map", roster, settings.elsewhere("main"))
+    samples = [
+        Sample(f"fleet/{robot}/front/view", codec.encode(view([], Camera(robot=robot), 1.0)), ENCODING, NS, replaced=1)
+        for robot in ("r1", "r4")
+    ]
+    assert [each.header.robot for each, _ in reader.read(samples)] == ["r4"]
+    assert reader.left_out == {REPLACED: 1}
