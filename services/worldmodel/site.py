@@ -6,7 +6,7 @@ import time
 from asyncio import Task, TaskGroup
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
-from itertools import islice
+from heapq import nlargest
 from math import radians
 from typing import Final
 from uuid import uuid4
@@ -32,7 +32,7 @@ from schemas.world import (
 )
 from services.worldmodel.floor import Floor
 from services.worldmodel.model import SiteModel
-from services.worldmodel.names import CameraName, Roster
+from services.worldmodel.names import CameraName, LeftOut, Roster
 from services.worldmodel.object_lifecycle import Rules
 from services.worldmodel.offsets import Localisation
 from services.worldmodel.published_objects import Inventory
@@ -53,16 +53,16 @@ FAILED: Final = "of views that could not be taken in, see the log"
 
 
 class ViewReader:
-    """Decodes views. frame: of the site's map. roster: whose views there is room for. left_out: counts, by reason.
+    """Decodes views. frame: of the site's map. roster: whose views there is room for.
 
-    elsewhere: robots of other sites, whose views are none of this one's.
+    elsewhere: robots of other sites, whose views are none of this one's. left_out: counts, by robot and reason.
     """
 
     def __init__(self, frame: str, roster: Roster, elsewhere: Collection[str] = ()) -> None:
         self._frame = frame
         self._roster = roster
         self._elsewhere = elsewhere
-        self.left_out: Counter[str] = Counter()
+        self.left_out = LeftOut()
 
     def read(self, samples: Sequence[Sample]) -> list[tuple[CameraView, int]]:
         """Return the views of some samples, each with when it was taken, in that order."""
@@ -70,28 +70,30 @@ class ViewReader:
         return sorted(found, key=lambda each: each[1])
 
     def _read(self, sample: Sample) -> tuple[CameraView, int] | None:
+        robot = ""
         try:
             camera = keys.parse_stream(sample.key).camera
-            if camera.robot in self._elsewhere:
+            robot = camera.robot
+            if robot in self._elsewhere:
                 return None
             if sample.replaced:
-                self.left_out[REPLACED] += sample.replaced
+                self.left_out.add(robot, REPLACED, sample.replaced)
             view = codec.decode(CameraView, sample.payload, sample.encoding)
             codec.check_identity(view.header, camera)
         except SchemaError as error:
-            self.left_out[MALFORMED] += 1
-            log.warning("%s left out: %s", sample.key, error)
+            if self.left_out.add(robot, MALFORMED):
+                log.warning("%s left out, as are later ones of its robot: %s", sample.key, error)
             return None
         if view.frame_id != self._frame:
-            self.left_out[OTHER_FRAME] += 1
+            self.left_out.add(robot, OTHER_FRAME)
             return None
-        full = self._roster.admit(view.header.robot, view.header.camera, sample.received_ns)
+        full = self._roster.admit(robot, camera.camera, sample.received_ns)
         if full:
-            self.left_out[full] += 1
+            self.left_out.add(robot, full)
             return None
         stamp_ns = view.header.stamp_ns
         if abs(sample.received_ns - stamp_ns) > APART_NS:
-            self.left_out[CLOCKS_APART] += 1
+            self.left_out.add(robot, CLOCKS_APART)
             stamp_ns = sample.received_ns
         return view, stamp_ns
 
@@ -211,6 +213,7 @@ class Site:
             self.model.forget(set(robots), cameras)
             self._floor.forget(cameras)
         self._failed.difference_update(robots)
+        self._reader.left_out.forget(robots)
         for robot in robots:
             if robot in self._nearby:
                 self._nearby.pop(robot).cancel()
@@ -295,19 +298,20 @@ class Site:
         )
 
     def _left_out(self) -> dict[str, int]:
-        counts: dict[str, int] = dict(self._reader.left_out)
+        counts = Counter(self._reader.left_out.by_reason)
         for (_, reason), count in self.model.left_out.items():
-            counts[reason] = counts.get(reason, 0) + count
-        return counts
+            counts[reason] += count
+        return dict(counts)
 
     def _problems(self, robots: Sequence[RobotOffset]) -> list[str]:
         doubted = [f"{each.robot}: {each.doubted}" for each in robots if each.doubted]
-        others = [f"{robot}: {count} sightings left out: {why}" for (robot, why), count in self._worst()]
-        return [*doubted, *others][:MAX_PROBLEMS]
-
-    def _worst(self) -> list[tuple[tuple[str, str], int]]:
-        named = (each for each in self.model.left_out.most_common() if each[0][0] and each[1])
-        return list(islice(named, MAX_PROBLEMS))
+        views = ((count, robot, why) for (robot, why), count in self._reader.left_out.items() if why != REPLACED)
+        sightings = (
+            (count, robot, f"sightings left out: {why}") for (robot, why), count in self.model.left_out.items()
+        )
+        named = (each for each in (*views, *sightings) if each[0] and each[1])
+        worst = nlargest(MAX_PROBLEMS, named, key=lambda each: each[0])
+        return [*doubted, *(f"{robot}: {count} {why}" for count, robot, why in worst)][:MAX_PROBLEMS]
 
 
 def site_key(name: str) -> keys.CameraKey:

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from bus import QUEUE, Bus, QoS
+from bus import QUEUE, Bus, QoS, Sample
 from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.distances import CameraView
@@ -18,8 +18,9 @@ from schemas.worker_keys import WorldStream, world_key
 from schemas.world import SiteStatus
 from services.worldmodel.floor import Floor
 from services.worldmodel.model import SiteModel
+from services.worldmodel.names import Roster
 from services.worldmodel.settings import WorldSettings
-from services.worldmodel.site import FAILED, MALFORMED, Site
+from services.worldmodel.site import CLOCKS_APART, FAILED, MALFORMED, OTHER_FRAME, REPLACED, Site, ViewReader
 from tests.services.worldmodel.scene import NS, Camera, Thing, view
 from tests.waiting import receive, until
 
@@ -56,6 +57,40 @@ async def test_a_view_that_is_turned_by_no_rotation_is_left_out_and_the_site_goe
         await until(lambda: MALFORMED in site._left_out())
         await send(theirs, seen)
         await until(lambda: site.model.views == 2)
+
+
+async def test_views_that_are_left_out_are_told_with_their_robot_and_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    reader = ViewReader("map", Roster())
+    seen = view([], Camera(), 1.0)
+    other = msgspec.structs.replace(seen, frame_id="odom")
+    key, encoding = CameraKey("r1", "front").stream(Stream.VIEW), codec.encoding(CameraView)
+    late_ns = 100 * NS
+    for payload, at_ns in ((b"", NS), (b"\x80", NS), (codec.encode(other), NS), (codec.encode(seen), late_ns)):
+        reader.read([Sample(key, payload, encoding, at_ns, replaced=1)])
+    reader.read([Sample("fleet/+/front/view", b"", encoding, NS)])
+    assert dict(reader.left_out.items()) == {
+        ("r1", REPLACED): 4,
+        ("r1", MALFORMED): 2,
+        ("r1", OTHER_FRAME): 1,
+        ("r1", CLOCKS_APART): 1,
+        ("", MALFORMED): 1,
+    }
+    assert [each.split(" left out")[0] for each in caplog.messages] == [key, "fleet/+/front/view"]
+    async with FakeNetwork().open_bus() as bus:
+        site = Site(bus, WorldSettings(), "main")
+        site._reader = reader
+        site.model.left_out["r2", FAILED] += 5
+        assert site._status().problems == [
+            f"r2: 5 sightings left out: {FAILED}",
+            f"r1: 2 {MALFORMED}",
+            f"r1: 1 {OTHER_FRAME}",
+            f"r1: 1 {CLOCKS_APART}",
+        ]
+        assert site._status().left_out[MALFORMED] == 3
+        site._forget(["r1"], [("r1", "front")])
+        assert [each.split(":")[0] for each in site._status().problems] == ["r2"]
 
 
 async def test_a_robot_whose_views_fail_is_counted_and_logged_once_and_others_count(
