@@ -112,6 +112,7 @@ class SiteModel:
         )
         self.offsets.forget(robot_numbers, camera_numbers)
         self.lifecycle.forget(robots)
+        self.classes.forget(robots)
         self.objects.forget_seers(robot_numbers, camera_numbers)
         for robot, reason in [each for each in self.left_out if each[0] in robots]:
             self.left_out["", reason] += self.left_out.pop((robot, reason))
@@ -201,7 +202,7 @@ class SiteModel:
     def _placed(self, frames: Frames) -> Sightings:
         number, most = self.classes.number, self.rules.most_seen
         numbers = [
-            number(each.name) if nth < most else _NOT_COUNTED
+            number(each.name, view.header.robot) if nth < most else _NOT_COUNTED
             for view in frames.views
             for nth, each in enumerate(view.objects)
         ]

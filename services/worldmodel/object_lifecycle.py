@@ -301,11 +301,14 @@ class ObjectLifecycle:
             self._drop(row)
 
     def sweep(self, now_ns: int) -> None:
-        """Forget what was not confirmed in a while."""
+        """Forget what was not confirmed in a while, and where there is no room for classes, those without objects."""
         objects = self.objects
         rows = objects.known()
         for row in rows[~objects.confirmed[rows] & (objects.last_ns[rows] < now_ns - UNCONFIRMED_NS)].tolist():
             self._drop(row)
+        if self._classes.is_short:
+            used = {*objects.cls[objects.known()].tolist(), *self._gone.classes(now_ns)}
+            self._classes.release(used, set(objects.cls[objects.told_to_others()].tolist()))
 
     def _drop(self, row: int) -> None:
         self.index.drop(row)

@@ -6,7 +6,8 @@ import msgspec
 import numpy as np
 
 from schemas.distances import CameraView, ViewedObject
-from services.worldmodel.model import TOO_MANY_SEEN, SiteModel
+from services.worldmodel.classes import MOST_BROUGHT
+from services.worldmodel.model import TOO_FAR, TOO_MANY_CLASSES, TOO_MANY_SEEN, SiteModel
 from services.worldmodel.object_lifecycle import CROWDED, FLOOD, TOO_MANY, Rules
 from services.worldmodel.objects import Unconfirmed
 from tests.services.worldmodel.scene import NS, Camera, Thing, known, view, watch
@@ -77,6 +78,24 @@ def test_of_a_view_so_many_sightings_count() -> None:
     model.take(*flood(Camera(), 1.0, ghosts(1_000, 0.0, 0.0, 20.0, rng)))
     assert model.sightings == 300
     assert model.left_out["r1", TOO_MANY_SEEN] == 700
+
+
+def test_nonsense_names_leave_room_for_classes_and_go_with_their_objects() -> None:
+    model, rng = SiteModel(), np.random.default_rng(8)
+    for step in range(10):
+        seen = [
+            msgspec.structs.replace(each, name=f"{step}-{each.index}") for each in ghosts(50, 100.0, 0.0, 20.0, rng)
+        ]
+        model.take(*flood(FLOODING, 1.0 + step, seen))
+    assert model.left_out["r1", TOO_MANY_CLASSES] == 10 * 50 - MOST_BROUGHT
+    assert model.left_out["r1", TOO_FAR] == 0
+    assert watch(model, [BOX, Thing(4.0, 1.2, name="crate")], [Camera(robot="r2")], 12.0, 4) == ["appeared"] * 2
+    model.take(view([], Camera(robot="r2"), 90.0), 90 * NS)
+    assert len(model.objects.known()) == 2
+    seen = [msgspec.structs.replace(each, name=f"x{each.index}") for each in ghosts(50, 100.0, 0.0, 20.0, rng)]
+    model.take(*flood(FLOODING, 91.0, seen))
+    assert len(model.objects.known()) == 52
+    assert {each.name for each in known(model)} == {"box", "crate"}
 
 
 def test_what_makes_room_while_it_is_seen_is_gone_for_good() -> None:
