@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from heapq import nlargest
 from math import radians
+from secrets import randbelow
 from typing import Final
 from uuid import uuid4
 
@@ -37,7 +38,7 @@ from services.worldmodel.object_lifecycle import Rules
 from services.worldmodel.offsets import Localisation
 from services.worldmodel.published_objects import Inventory
 from services.worldmodel.settings import WorldSettings
-from services.worldmodel.state import StateError, restored, saved
+from services.worldmodel.state import RUNS, StateError, restored, saved
 
 APART_NS: Final = 5_000_000_000
 """A view with a stamp that is farther from when it came is taken to be taken when it came: clocks are apart."""
@@ -125,7 +126,7 @@ class Site:
         prefix, self._last = uuid4().hex[:6], 0
         if saved_state:
             try:
-                prefix, self._last = restored(name, saved_state, self.model)
+                prefix, self._last = restored(name, saved_state, self.model, randbelow(RUNS))
                 self.model.set_back(time.time_ns())  # its clock may have been ahead
             except StateError as error:
                 log.warning("site %s: begun anew: %s", name, error)

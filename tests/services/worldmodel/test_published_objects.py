@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from bus import Sample
+from bus.fake import FakeNetwork
 from schemas import codec
 from schemas.distances import CameraView
 from schemas.world import MAX_CELLS, WorldRequest
@@ -12,7 +13,7 @@ from services.worldmodel.model import SiteModel
 from services.worldmodel.names import Roster
 from services.worldmodel.published_objects import Inventory, inside
 from services.worldmodel.settings import WorldSettings
-from services.worldmodel.site import REPLACED, ViewReader
+from services.worldmodel.site import REPLACED, Site, ViewReader
 from services.worldmodel.state import StateError, restored, saved
 from tests.services.worldmodel.scene import NS, Camera, Thing, known, view, watch
 
@@ -84,14 +85,12 @@ def test_a_model_goes_on_after_a_restart_with_the_same_ids() -> None:
     assert len({each.id for each in Inventory("hall-2", "a1", again).matching(WorldRequest(), NOW_NS)[0]}) == 4
 
 
-def test_runs_that_go_on_from_one_state_give_no_id_that_another_one_gave(monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn = iter((0, 1))
-    monkeypatch.setattr("services.worldmodel.state.randbelow", lambda _: next(drawn))
+def test_runs_that_go_on_from_one_state_give_no_id_that_another_one_gave() -> None:
     first = seen().model
     data = saved("hall-2", "a1", 7, first)
     second, third = SiteModel(), SiteModel()
-    for each in (second, third):
-        restored("hall-2", data, each)
+    for run, each in enumerate((second, third)):
+        restored("hall-2", data, each, run)
     ids = []
     for model, new in ((first, Thing(3.0, -0.6)), (second, Thing(3.4, -0.2)), (third, Thing(3.4, -0.2))):
         watch(model, [*THINGS, new], [Camera(robot="r4")], 16.0, 6)
@@ -100,6 +99,13 @@ def test_runs_that_go_on_from_one_state_give_no_id_that_another_one_gave(monkeyp
     old = set.intersection(*ids)
     assert len(old) == len(THINGS)
     assert len(set.union(*ids) - old) == 3
+
+
+async def test_sites_that_go_on_from_one_state_go_on_with_different_numbers() -> None:
+    data = saved("main", "a1", 7, seen().model)
+    async with FakeNetwork().open_bus() as bus:
+        sites = [Site(bus, WorldSettings(), "main", data) for _ in range(3)]
+    assert len({each.model.lifecycle.next_number for each in sites}) > 1
 
 
 @pytest.mark.parametrize("data", [b"", b"\x80", saved("hall-3", "a1", 7, SiteModel())], ids=["empty", "other", "site"])
