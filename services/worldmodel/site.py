@@ -306,13 +306,12 @@ class Site:
 
     def _problems(self, robots: Sequence[RobotOffset]) -> list[str]:
         doubted = [f"{each.robot}: {each.doubted}" for each in robots if each.doubted]
-        views = ((count, robot, why) for (robot, why), count in self._reader.left_out.items() if why != REPLACED)
-        sightings = (
-            (count, robot, f"sightings left out: {why}") for (robot, why), count in self.model.left_out.items()
-        )
-        named = (each for each in (*views, *sightings) if each[0] and each[1])
-        worst = nlargest(MAX_PROBLEMS, named, key=lambda each: each[0])
-        return [*doubted, *(f"{robot}: {count} {why}" for count, robot, why in worst)][:MAX_PROBLEMS]
+        left_out = (*self._reader.left_out.items(), *self.model.left_out.items())
+        named = (each for each in left_out if each[0][0] and each[0][1] != REPLACED and each[1])
+        worst = nlargest(MAX_PROBLEMS, named, key=lambda each: each[1])
+        # in one form, those of views too: others find the robot by it
+        others = (f"{robot}: {count} sightings left out: {why}" for (robot, why), count in worst)
+        return [*doubted, *others][:MAX_PROBLEMS]
 
 
 def site_key(name: str) -> keys.CameraKey:

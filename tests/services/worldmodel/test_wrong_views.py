@@ -83,10 +83,13 @@ async def test_views_that_are_left_out_are_told_with_their_robot_and_logged_once
         site._reader = reader
         site.model.left_out["r2", FAILED] += 5
         assert site._status().problems == [
-            f"r2: 5 sightings left out: {FAILED}",
-            f"r1: 2 {MALFORMED}",
-            f"r1: 1 {OTHER_FRAME}",
-            f"r1: 1 {CLOCKS_APART}",
+            f"{robot}: {count} sightings left out: {why}"
+            for robot, count, why in (
+                ("r2", 5, FAILED),
+                ("r1", 2, MALFORMED),
+                ("r1", 1, OTHER_FRAME),
+                ("r1", 1, CLOCKS_APART),
+            )
         ]
         assert site._status().left_out[MALFORMED] == 3
         site._forget(["r1"], [("r1", "front")])
