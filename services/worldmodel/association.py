@@ -1,5 +1,6 @@
 """Assigns the sightings of each view to known objects, one to one, so that all of it together is likeliest. Pure."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -150,3 +151,12 @@ def _cheapest(row: Rows, column: Rows, cost: Floats, part: Rows) -> Rows:
     matched = np.flatnonzero(taken >= 0)
     chosen = numbers[matched, taken[matched]]
     return np.asarray(chosen[chosen >= 0])
+
+
+def once_each(rows: Rows) -> Iterator[Rows]:
+    """Yield the numbers of rows in groups in which each row is once."""
+    rest = np.arange(len(rows))
+    while len(rest):
+        _, first = np.unique(rows[rest], return_index=True)
+        yield rest[np.sort(first)]
+        rest = np.delete(rest, first)

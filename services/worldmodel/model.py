@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.distances import CameraView
-from services.worldmodel.association import Assignment, assign, close, displaced
-from services.worldmodel.classes import NO_CLASS, Classes
+from services.worldmodel.association import Assignment, assign, close, displaced, once_each
+from services.worldmodel.classes import Classes
 from services.worldmodel.events import Event
 from services.worldmodel.evidence import Looks, look
 from services.worldmodel.frames import Frames
@@ -38,15 +38,8 @@ KNOWN_M2: Final = 0.25
 """Variance from which on an object says nothing of where a robot is."""
 
 SWEEP_NS: Final = 6 * NS
-TOO_MANY_CLASSES: Final = "of more classes than there may be"
-TOO_MANY_SEEN: Final = "of views of more objects than count"
-TOO_FAR: Final = "farther, higher or larger than objects are"
 DOUBTED: Final = "of a robot whose pose is doubted"
 UNLOCATED: Final = "of a robot without a map frame"
-_NOT_COUNTED: Final = -2
-"""Stands for the class of what is left out without being looked at."""
-
-_WHY: Final = {NO_CLASS: TOO_MANY_CLASSES, _NOT_COUNTED: TOO_MANY_SEEN}
 
 
 class SiteModel:
@@ -88,7 +81,7 @@ class SiteModel:
         if views and views[-1][1] - self._swept_ns > SWEEP_NS:
             self._swept_ns = views[-1][1]
             self.lifecycle.sweep(self._swept_ns)
-        return self.events
+        return self.lifecycle.events
 
     def restore(
         self, objects: Objects, classes: Sequence[str], cameras: Sequence[tuple[str, str]], next_number: int
@@ -126,11 +119,6 @@ class SiteModel:
     def objects(self) -> Objects:
         """The objects by row."""
         return self.lifecycle.objects
-
-    @property
-    def events(self) -> list[Event]:
-        """What the views that were taken in last changed."""
-        return self.lifecycle.events
 
     @property
     def index(self) -> Index:
@@ -181,7 +169,7 @@ class SiteModel:
             self.index.put(each.of, objects.centre[each.of])
         new = np.setdiff1d(found.new, moved.seen, assume_unique=True)
         which, rows = np.concatenate([found.seen, moved.seen]), np.concatenate([found.of, moved.of])
-        for some in _once_each(rows):
+        for some in once_each(rows):
             self._update(frames, seen, (which[some], rows[some]), pose=pose, several=several)
         keys = self.lifecycle.keys(seen.frame[which], rows)
         created = self.lifecycle.create(frames, seen, new, pose)
@@ -200,16 +188,9 @@ class SiteModel:
             identify(view, {index: number for index, number in pairs if number >= 0})
 
     def _placed(self, frames: Frames) -> Sightings:
-        number, most = self.classes.number, self.rules.most_seen
-        numbers = [
-            number(each.name, view.header.robot) if nth < most else _NOT_COUNTED
-            for view in frames.views
-            for nth, each in enumerate(view.objects)
-        ]
-        seen, wrong = place(frames, numbers)
+        seen, left_out = place(frames, self.classes, self.rules.most_seen)
         self.sightings += len(seen)
-        for each, view in zip(wrong.tolist(), frames.frame_of[wrong].tolist(), strict=True):
-            self.left_out[frames.views[view].header.robot, _WHY.get(numbers[each], TOO_FAR)] += 1
+        self.left_out.update(left_out)
         return seen
 
     def _sure(self, row: Rows, of: Rows) -> tuple[Rows, Rows]:
@@ -297,12 +278,3 @@ class SiteModel:
         away = seen.away[which]
         by = -np.stack([x - yaw * away[:, 1], y + yaw * away[:, 0]], axis=1) * share[:, np.newaxis]
         objects.shift(rows, by, by @ UNITS.T)
-
-
-def _once_each(rows: Rows) -> Iterator[Rows]:
-    """Yield the numbers of rows in groups in which each row is once."""
-    rest = np.arange(len(rows))
-    while len(rest):
-        _, first = np.unique(rows[rest], return_index=True)
-        yield rest[np.sort(first)]
-        rest = np.delete(rest, first)

@@ -185,7 +185,7 @@ class Site:
             try:
                 self.model.take_all(views)
             finally:  # what changed before it failed has changed
-                self._tell(told, [self._inventory.change(event) for event in self.model.events])
+                self._tell(told, [self._inventory.change(event) for event in self.model.lifecycle.events])
             for view, at_ns in views:
                 if self.model.trusts(view.header.robot):  # a lost one looked at floor elsewhere
                     self._floor.take(view, at_ns)

@@ -7,9 +7,10 @@ import numpy as np
 
 from schemas.distances import CameraView, ViewedObject
 from services.worldmodel.classes import MOST_BROUGHT
-from services.worldmodel.model import TOO_FAR, TOO_MANY_CLASSES, TOO_MANY_SEEN, SiteModel
+from services.worldmodel.model import SiteModel
 from services.worldmodel.object_lifecycle import CROWDED, FLOOD, TOO_MANY, Rules
 from services.worldmodel.objects import Unconfirmed
+from services.worldmodel.placement import TOO_FAR, TOO_MANY_CLASSES, TOO_MANY_SEEN
 from tests.services.worldmodel.scene import NS, Camera, Thing, known, view, watch
 
 BOX = Thing(4.0, 0.0)
