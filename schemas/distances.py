@@ -1,5 +1,6 @@
 """Distances: the distances and positions of the objects of one image. CameraView: the same for a model of the world."""
 
+import math
 from typing import Annotated, Final
 
 import msgspec
@@ -114,6 +115,9 @@ MAX_GRID: Final = 16_384
 Millimetres = Annotated[int, msgspec.Meta(ge=0, le=2**31 - 1)]
 Cells = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 
+UNIT: Final = 0.01
+"""How far the length of a view's rotation may be from 1."""
+
 
 class ViewedObject(msgspec.Struct, frozen=True, kw_only=True):
     """One object of a view that has depth: the part of its surface that is seen.
@@ -173,9 +177,9 @@ class CameraView(msgspec.Struct, frozen=True, kw_only=True):
     """The objects of one colour image in a frame that does not move, and how far the camera saw: a few kilobytes.
 
     The header is that image's. frame_id: the frame of all positions, such as `map`. position, rotation: the camera's
-    optical frame there at the stamp, metres and a quaternion x, y, z, w. speed, turn: how fast the camera moved, metres
-    and radians a second. unlocated: why that is not known, in words, and then there are no objects. grid: None where
-    there is no depth of the instant, and then `unseen` says why. objects: those with depth.
+    optical frame there at the stamp, metres and a unit quaternion x, y, z, w. speed, turn: how fast the camera moved,
+    metres and radians a second. unlocated: why that is not known, in words, and then there are no objects. grid: None
+    where there is no depth of the instant, and then `unseen` says why. objects: those with depth.
     unmeasured: how many others were detected, by class.
     """
 
@@ -195,11 +199,15 @@ class CameraView(msgspec.Struct, frozen=True, kw_only=True):
     spans: Spans = {}
 
     def __post_init__(self) -> None:
-        """Check that the place is either known or unknown, and that objects have one.
+        """Check that the place is either known or unknown, that objects have one, and that the rotation is one.
 
         Raises:
-            SchemaError: it is both, or neither, or objects have positions in a frame that is unknown.
+            SchemaError: it is both, or neither, objects have positions in a frame that is unknown, or the rotation is
+                not finite or not of length 1.
         """
         check_known(f"view in {self.frame_id[:64]}", known=self.position is not None, unknown=self.unlocated)
         if self.position is None and self.objects:
             raise SchemaError(f"{len(self.objects)} objects in a frame that is unknown")
+        length = math.hypot(*self.rotation)
+        if not abs(length - 1) <= UNIT:  # so is NaN
+            raise SchemaError(f"a rotation of length {length:g} instead of 1")

@@ -1,5 +1,6 @@
 """Assigns the sightings of each view to known objects, one to one, so that all of it together is likeliest. Pure."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -68,13 +69,15 @@ def assign(seen: Sightings, objects: Objects, row: Rows, of: Rows, pose: Floats)
 
 
 def close(seen: Sightings, objects: Objects, row: Rows, of: Rows) -> tuple[Rows, Rows]:
-    """Return those of the pairs of sightings and objects of one class that are near enough to be one."""
+    """Return those of the pairs of sightings and objects of one class that are near enough, and level, to be one."""
     alike = seen.classes[row] == objects.cls[of]
     row, of = row[alike], of[alike]
     reach = REACH_M + objects.size[of, 0] / 2
     x, y = (seen.middle[row] - objects.centre[of]).T
     near = (np.abs(x) < reach) & (np.abs(y) < reach)
-    return row[near], of[near]
+    row, of = row[near], of[near]
+    level = np.minimum(seen.high[row], objects.high[of]) >= np.maximum(seen.low[row], objects.low[of])
+    return row[level], of[level]
 
 
 def displaced(edges: Floats, noise: Floats, reference: Floats, variance: Floats) -> tuple[Floats, Floats]:
@@ -148,3 +151,12 @@ def _cheapest(row: Rows, column: Rows, cost: Floats, part: Rows) -> Rows:
     matched = np.flatnonzero(taken >= 0)
     chosen = numbers[matched, taken[matched]]
     return np.asarray(chosen[chosen >= 0])
+
+
+def once_each(rows: Rows) -> Iterator[Rows]:
+    """Yield the numbers of rows in groups in which each row is once."""
+    rest = np.arange(len(rows))
+    while len(rest):
+        _, first = np.unique(rows[rest], return_index=True)
+        yield rest[np.sort(first)]
+        rest = np.delete(rest, first)

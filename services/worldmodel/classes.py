@@ -1,6 +1,7 @@
 """Classes of objects: typical sizes, which of them move, and how surely the detector finds them. Pure."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -8,6 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 MAX_CLASSES: Final = 256
+MOST_BROUGHT: Final = 64
+"""Classes that a robot may bring of which no object is confirmed."""
+
+NO_CLASS: Final = -1
+"""The number of a class that there is no room for."""
+
 BANDS: Final = 6
 BAND_M: Final = 2.0
 """Hit rates are learned per band of distance: BANDS of BAND_M each, the last one for all that is farther."""
@@ -56,6 +63,8 @@ def _looks() -> NDArray[np.float64]:
 class Classes:
     """The classes that a site's sightings are of, numbered in the order in which they came.
 
+    Where there is no room for a new one, it takes the number of one without objects, see `release`.
+
     usual: sizes by name; other classes are of UNKNOWN_SIZE until told otherwise.
     """
 
@@ -66,17 +75,58 @@ class Classes:
     hits: NDArray[np.float64] = field(default_factory=_rates)
     looks: NDArray[np.float64] = field(default_factory=_looks)
     _numbers: dict[str, int] = field(default_factory=dict)
+    _free: set[int] = field(default_factory=set)
+    _by: dict[int, str] = field(default_factory=dict)
+    _brought: Counter[str] = field(default_factory=Counter)
 
-    def number(self, name: str) -> int:
-        """Return a class's number, a new one for a new name; -1 where there are too many classes."""
-        found = self._numbers.get(name)
-        if found is None and len(self.names) < MAX_CLASSES:
-            found = self._numbers[name] = len(self.names)
+    def number(self, name: str, robot: str = "") -> int:
+        """Return a class's number, a new one for a new name that a robot brings; NO_CLASS where there is no room."""
+        found = self._numbers.get(name, NO_CLASS)
+        if found >= 0 and found not in self._free:
+            return found
+        if self._brought[robot] >= MOST_BROUGHT or (found < 0 and len(self.names) >= MAX_CLASSES and not self._free):
+            return NO_CLASS
+        if found < 0:
+            found = self._new(name)
+        self._free.discard(found)
+        if robot:
+            self._by[found] = robot
+            self._brought[robot] += 1
+        return found
+
+    def _new(self, name: str) -> int:
+        if len(self.names) < MAX_CLASSES:
+            found = len(self.names)
             self.names.append(name)
-            size = self.usual.get(name, UNKNOWN_SIZE)
-            self.sizes[found] = size.length, size.width, size.height, size.sigma, size.height_sigma
-            self.moves[found] = size.moves
-        return -1 if found is None else found
+        else:
+            found = min(self._free)
+            del self._numbers[self.names[found]]
+            self.names[found] = name
+            self.hits[found], self.looks[found] = ASSUMED_RATE * LEAST_LOOKS, LEAST_LOOKS
+        self._numbers[name] = found
+        size = self.usual.get(name, UNKNOWN_SIZE)
+        self.sizes[found] = size.length, size.width, size.height, size.sigma, size.height_sigma
+        self.moves[found] = size.moves
+        return found
+
+    @property
+    def is_short(self) -> bool:
+        """Whether a robot, or the site, has as many as it may."""
+        return len(self.names) >= MAX_CLASSES or max(self._brought.values(), default=0) >= MOST_BROUGHT
+
+    def release(self, used: Collection[int], confirmed: Collection[int]) -> None:
+        """Let new classes have the numbers of those without objects, and robots bring others in their place.
+
+        used: of all objects. confirmed: of those that are.
+        """
+        self._free = set(range(len(self.names))).difference(used)
+        self._by = {number: by for number, by in self._by.items() if number in used and number not in confirmed}
+        self._brought = Counter(self._by.values())
+
+    def forget(self, robots: Collection[str]) -> None:
+        """Forget which classes robots brought."""
+        self._by = {number: by for number, by in self._by.items() if by not in robots}
+        self._brought = Counter(self._by.values())
 
     def is_large(self, classes: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return which of these classes are of things that a camera sees in parts."""

@@ -45,8 +45,7 @@ class Gone:
 
     def take(self, cls: int, at: tuple[float, float, float], at_ns: int) -> int | None:
         """Return the number of the object that is back, if one is, and forget it."""
-        while self._gone and (self._gone[0][0] < at_ns - BACK_NS or len(self._gone) > MOST_GONE):
-            self._forget(self._gone.popleft()[1])
+        self._forget_old(at_ns)
         for across in (-BACK_M, BACK_M):
             for up in (-BACK_M, BACK_M):
                 for number, place in self._at.get(_cell(cls, at[0] + across, at[1] + up), {}).items():
@@ -54,6 +53,15 @@ class Gone:
                         self._forget(number)
                         return number
         return None
+
+    def classes(self, at_ns: int) -> set[int]:
+        """Return the classes of objects that may be back."""
+        self._forget_old(at_ns)
+        return {cls for cls, _, _ in self._at}
+
+    def _forget_old(self, at_ns: int) -> None:
+        while self._gone and (self._gone[0][0] < at_ns - BACK_NS or len(self._gone) > MOST_GONE):
+            self._forget(self._gone.popleft()[1])
 
     def _forget(self, number: int) -> None:
         cell = self._cells.pop(number, None)

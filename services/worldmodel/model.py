@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.distances import CameraView
-from services.worldmodel.association import Assignment, assign, close, displaced
+from services.worldmodel.association import Assignment, assign, close, displaced, once_each
 from services.worldmodel.classes import Classes
 from services.worldmodel.events import Event
 from services.worldmodel.evidence import Looks, look
@@ -38,7 +38,6 @@ KNOWN_M2: Final = 0.25
 """Variance from which on an object says nothing of where a robot is."""
 
 SWEEP_NS: Final = 6 * NS
-TOO_FAR: Final = "farther, higher or larger than objects are"
 DOUBTED: Final = "of a robot whose pose is doubted"
 UNLOCATED: Final = "of a robot without a map frame"
 
@@ -105,9 +104,16 @@ class SiteModel:
             np.array(each, np.intp) for each in (self.robots.forget(robots), self.cameras.forget(cameras))
         )
         self.offsets.forget(robot_numbers, camera_numbers)
+        self.lifecycle.forget(robots)
+        self.classes.forget(robots)
         self.objects.forget_seers(robot_numbers, camera_numbers)
         for robot, reason in [each for each in self.left_out if each[0] in robots]:
             self.left_out["", reason] += self.left_out.pop((robot, reason))
+
+    def trusts(self, robot: str) -> bool:
+        """Return whether a robot that sent views is where it says, as far as one knows."""
+        number = self.robots.find(robot)
+        return number is not None and bool(self.offsets.doubted[number] == RIGHT)
 
     @property
     def objects(self) -> Objects:
@@ -163,7 +169,7 @@ class SiteModel:
             self.index.put(each.of, objects.centre[each.of])
         new = np.setdiff1d(found.new, moved.seen, assume_unique=True)
         which, rows = np.concatenate([found.seen, moved.seen]), np.concatenate([found.of, moved.of])
-        for some in _once_each(rows):
+        for some in once_each(rows):
             self._update(frames, seen, (which[some], rows[some]), pose=pose, several=several)
         keys = self.lifecycle.keys(seen.frame[which], rows)
         created = self.lifecycle.create(frames, seen, new, pose)
@@ -178,16 +184,13 @@ class SiteModel:
         number_of = dict(zip(nth.tolist(), self.objects.number[rows].tolist(), strict=True))
         nths = count()
         for view in frames.views:
-            pairs = [(each.index, number_of.get(next(nths))) for each in view.objects]
-            identify(view, {index: number for index, number in pairs if number is not None})
+            pairs = [(each.index, number_of.get(next(nths), -1)) for each in view.objects]
+            identify(view, {index: number for index, number in pairs if number >= 0})
 
     def _placed(self, frames: Frames) -> Sightings:
-        number = self.classes.number
-        numbers = [number(each.name) for view in frames.views for each in view.objects]
-        seen, wrong = place(frames, numbers)
+        seen, left_out = place(frames, self.classes, self.rules.most_seen)
         self.sightings += len(seen)
-        for each in wrong.tolist():
-            self.left_out[frames.views[each].header.robot, TOO_FAR] += 1
+        self.left_out.update(left_out)
         return seen
 
     def _sure(self, row: Rows, of: Rows) -> tuple[Rows, Rows]:
@@ -275,12 +278,3 @@ class SiteModel:
         away = seen.away[which]
         by = -np.stack([x - yaw * away[:, 1], y + yaw * away[:, 0]], axis=1) * share[:, np.newaxis]
         objects.shift(rows, by, by @ UNITS.T)
-
-
-def _once_each(rows: Rows) -> Iterator[Rows]:
-    """Yield the numbers of rows in groups in which each row is once."""
-    rest = np.arange(len(rows))
-    while len(rest):
-        _, first = np.unique(rows[rest], return_index=True)
-        yield rest[np.sort(first)]
-        rest = np.delete(rest, first)

@@ -1,6 +1,6 @@
 """The names of a site's robots and cameras: which of them there is room for, and their numbers. Pure."""
 
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Hashable, ItemsView, Iterable, Sequence
 from typing import Final, Generic, TypeVar
 
@@ -87,6 +87,43 @@ class Roster:
         del cameras[camera]
         self._left_cameras.append((robot, camera))
         return True
+
+
+class LeftOut:
+    """Counts what was left out by robot and reason.
+
+    Anybody can invent names: of more than `most_robots`, the one counted longest ago is counted without its name, as
+    are those that are forgotten. by_reason: counts of all robots.
+    """
+
+    def __init__(self, most_robots: int = MAX_ROBOTS) -> None:
+        self.by_reason: Counter[str] = Counter()
+        self._most_robots = most_robots
+        self._robots: OrderedDict[str, Counter[str]] = OrderedDict()  # those counted longest ago are first
+        self._nameless: Counter[str] = Counter()
+        self._is_full = False
+
+    def add(self, robot: str, reason: str, count: int = 1) -> bool:
+        """Count; return whether it is the first of its kind, as far as one knows: not of ever more new names."""
+        self.by_reason[reason] += count
+        is_new = robot not in self._robots
+        if is_new and len(self._robots) >= self._most_robots:
+            self._is_full = True
+            self.forget([next(iter(self._robots))])
+        counts = self._robots.setdefault(robot, Counter())
+        self._robots.move_to_end(robot)
+        counts[reason] += count
+        return counts[reason] == count and not (is_new and self._is_full)
+
+    def forget(self, robots: Iterable[str]) -> None:
+        """Count what was left out of robots without their names."""
+        for robot in robots:
+            self._nameless.update(self._robots.pop(robot, {}))
+
+    def items(self) -> list[tuple[tuple[str, str], int]]:
+        """Return counts by robot and reason, "" standing for robots without a name."""
+        named = [((robot, reason), count) for robot, some in self._robots.items() for reason, count in some.items()]
+        return [*named, *((("", reason), count) for reason, count in self._nameless.items())]
 
 
 class Numbers(Generic[T]):

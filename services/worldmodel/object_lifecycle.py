@@ -1,6 +1,7 @@
 """The objects that a model knows: how they come, are told, become one, and go; by which rules. Pure."""
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -13,7 +14,7 @@ from services.worldmodel.events import Event, Gone
 from services.worldmodel.evidence import Looks
 from services.worldmodel.frames import Frames
 from services.worldmodel.fusion import begin, fit, is_compound
-from services.worldmodel.objects import Index, Objects
+from services.worldmodel.objects import Index, Objects, Place, Unconfirmed, places_of
 from services.worldmodel.offsets import Localisation
 from services.worldmodel.placement import Sightings
 from services.worldmodel.solids import Merger, merge, shifted
@@ -23,17 +24,21 @@ from services.worldmodel.solids import Merger, merge, shifted
 class Rules:
     """How a model decides.
 
-    localisation: how far poses are off. most_objects: of the site. most_new: new objects that a robot may bring in a
-    view. Log-odds: a new object has `first`; a sighting with a score of 1 brings `hit`, less from farther away than
-    `sure_m`, down to the share `least_sure`; a look that should show an object and does not takes `miss`, one past its
-    place takes `past`; no more than `most`. confirm, fewest_hits: log-odds and sightings from which on an object is
+    localisation: how far poses are off. most_objects: of the site. most_seen: sightings of a view that count. most_new:
+    new objects that a robot may bring in a view. most_unconfirmed: of a robot. most_at_place: unconfirmed ones on a
+    square metre. Log-odds: a new object has `first`; a sighting with a score of 1 brings `hit`, less from farther away
+    than `sure_m`, down to the share `least_sure`; a look that should show an object and does not takes `miss`, one past
+    its place takes `past`; no more than `most`. confirm, fewest_hits: log-odds and sightings from which on an object is
     confirmed. gone: log-odds below which it is gone. moved_m: how far an object must have moved to be told as moved.
     fit_every: sightings until an object's box is fitted again.
     """
 
     localisation: Localisation = field(default_factory=Localisation)
     most_objects: int = 100_000
+    most_seen: int = 300
     most_new: int = 100
+    most_unconfirmed: int = 2_000
+    most_at_place: int = 32
     first: float = -1.0
     hit: float = 1.4
     confirm: float = 1.8
@@ -71,6 +76,7 @@ UNCONFIRMED_NS: Final = 60 * NS
 MOST_ROWS: Final = 1 << 32
 TOO_MANY: Final = "the site has its most objects"
 FLOOD: Final = "more new objects than a robot may bring"
+CROWDED: Final = "more new objects at one place than there may be"
 
 
 class ObjectLifecycle:
@@ -86,6 +92,7 @@ class ObjectLifecycle:
         self._left_out = left_out
         self._merger = Merger()
         self._gone = Gone()
+        self._unconfirmed = Unconfirmed()
         self._free = list(range(self.objects.capacity))[::-1]
         self._dropped: list[int] = []
 
@@ -109,10 +116,9 @@ class ObjectLifecycle:
     def create(self, frames: Frames, seen: Sightings, new: Rows, pose: Floats) -> tuple[Rows, Rows]:
         """Make new objects of sightings of nothing known; return of which, and their rows."""
         new = new[~is_compound(seen, self._classes)[new]]
-        new = self._allowed(frames, seen, new)
+        new, rows = self._allowed(frames, seen, new)
         if not len(new):
             return new, new
-        rows = np.array([self._row() for _ in range(len(new))], np.intp)
         objects, frame = self.objects, seen.frame[new]
         objects.clear(rows)
         begin(objects, rows, seen.taken(new), pose[new], self._classes)
@@ -125,16 +131,55 @@ class ObjectLifecycle:
         self.fit(rows)
         return new, rows
 
-    def _allowed(self, frames: Frames, seen: Sightings, new: Rows) -> Rows:
-        """Return the new objects that there is room for; what is left out is counted."""
+    def forget(self, robots: Iterable[str]) -> None:
+        """Forget which objects robots brought."""
+        self._unconfirmed.forget(robots)
+
+    def _allowed(self, frames: Frames, seen: Sightings, new: Rows) -> tuple[Rows, Rows]:
+        """Return the new objects that there is room for, and a row for each; what is left out is counted."""
         frame = seen.frame[new]
         nth = np.arange(len(new)) - np.searchsorted(frame, frame)
-        room = self._rules.most_objects - (self.objects.capacity - len(self._free) - len(self._dropped))
-        flood, full = nth >= self._rules.most_new, np.arange(len(new)) >= room
-        for why, which in ((FLOOD, flood), (TOO_MANY, full & ~flood)):
-            for each in frame[which].tolist():
-                self._left_out[frames.views[each].header.robot, why] += 1
-        return np.asarray(new[~flood & ~full])
+        kept, rows = [], []
+        for each, robot, number, place in zip(
+            new.tolist(),
+            (frames.views[view].header.robot for view in frame.tolist()),
+            nth.tolist(),
+            places_of(seen.middle[new]),
+            strict=True,
+        ):
+            why = FLOOD if number >= self._rules.most_new else self._refused(robot, place)
+            if why:
+                self._left_out[robot, why] += 1
+            else:
+                kept.append(each)
+                rows.append(self._row())
+                self._unconfirmed.add(rows[-1], robot, place)
+        return np.array(kept, np.intp), np.array(rows, np.intp)
+
+    def _refused(self, robot: str, place: Place) -> str:
+        """Return why there is no room for a new object of a robot, or nothing.
+
+        Where there would be none, the oldest unconfirmed one of the robot with most of them makes room: it is that one
+        which fills the place, or the site.
+        """
+        unconfirmed, rules = self._unconfirmed, self._rules
+        if unconfirmed.count(robot) >= rules.most_unconfirmed:
+            return FLOOD
+        if unconfirmed.count_at(place) >= rules.most_at_place and not self._make_room(
+            unconfirmed.instead_at(place, robot), CROWDED
+        ):
+            return CROWDED
+        used = self.objects.capacity - len(self._free) - len(self._dropped)
+        if used >= rules.most_objects and not self._make_room(unconfirmed.instead(robot), FLOOD):
+            return TOO_MANY
+        return ""
+
+    def _make_room(self, row: int | None, why: str) -> bool:
+        if row is None:
+            return False
+        self._left_out[self._unconfirmed.robot(row), why] += 1
+        self._drop(row)
+        return True
 
     def _row(self) -> int:
         if not self._free:
@@ -155,6 +200,8 @@ class ObjectLifecycle:
     def confirm(self, frames: Frames, frame: Rows, rows: Rows, looks: Looks, found: Rows) -> None:
         objects, rules = self.objects, self._rules
         rows, first = np.unique(rows, return_index=True)
+        there = objects.number[rows] >= 0  # others made room for what is new
+        rows, first = rows[there], first[there]
         if not len(rows):
             return
         frame_of = frame[first]
@@ -200,6 +247,7 @@ class ObjectLifecycle:
         before = tuple(objects.told[row].tolist()) if kind is ChangeKind.MOVED else None
         if kind is ChangeKind.APPEARED:
             objects.confirmed[row] = True
+            self._unconfirmed.drop(row)
             number = self._gone.take(int(objects.cls[row]), at, at_ns)
             if number is not None:
                 kind, objects.number[row] = ChangeKind.BACK, number
@@ -253,14 +301,18 @@ class ObjectLifecycle:
             self._drop(row)
 
     def sweep(self, now_ns: int) -> None:
-        """Forget what was not confirmed in a while."""
+        """Forget what was not confirmed in a while, and where there is no room for classes, those without objects."""
         objects = self.objects
         rows = objects.known()
         for row in rows[~objects.confirmed[rows] & (objects.last_ns[rows] < now_ns - UNCONFIRMED_NS)].tolist():
             self._drop(row)
+        if self._classes.is_short:
+            used = {*objects.cls[objects.known()].tolist(), *self._gone.classes(now_ns)}
+            self._classes.release(used, set(objects.cls[objects.told_to_others()].tolist()))
 
     def _drop(self, row: int) -> None:
         self.index.drop(row)
+        self._unconfirmed.drop(row)
         self.objects.number[row] = -1
         self.objects.confirmed[row] = False
         self._dropped.append(row)  # what is told of it is made of the row

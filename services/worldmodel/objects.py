@@ -1,7 +1,9 @@
 """The known objects as arrays, a row each, and which of them are near a place. Pure."""
 
+from collections import Counter
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,13 @@ Whole = NDArray[np.int64]
 
 SEERS: Final = 4
 """Cameras that are remembered of an object."""
+
+PLACE_M: Final = 1.0
+Place = tuple[int, int]
+"""A square of PLACE_M, by its column and row."""
+
+G = TypeVar("G", bound=Hashable)
+M = TypeVar("M", bound=Hashable)
 
 _FIRST: Final = 256
 _SHAPES: Final[dict[str, tuple[int, ...]]] = {
@@ -155,6 +164,96 @@ def _empty(name: str, capacity: int) -> Any:
     return np.full((capacity, *_SHAPES.get(name, ())), _UNKNOWN.get(name, 0), kind)
 
 
+class Unconfirmed:
+    """Rows of objects that are not confirmed yet: by the robot that brought each, and by place; the oldest are first.
+
+    Places are squares of PLACE_M. "" stands for all robots that were forgotten.
+    """
+
+    def __init__(self) -> None:
+        self._of: dict[int, tuple[str, Place]] = {}
+        self._rows: dict[str, dict[int, None]] = {}
+        self._places: dict[Place, dict[int, None]] = {}
+        self._by_count: dict[int, dict[str, None]] = {}  # which robots have so many
+        self._most = 0
+
+    def add(self, row: int, robot: str, place: Place) -> None:
+        """Note a new object."""
+        self._of[row] = robot, place
+        self._places.setdefault(place, {})[row] = None
+        rows = self._rows.setdefault(robot, {})
+        rows[row] = None
+        self._count(robot, len(rows) - 1, len(rows))
+
+    def drop(self, row: int) -> None:
+        """Forget a row, if it is known: its object is confirmed, or gone."""
+        known = self._of.pop(row, None)
+        if known is None:
+            return
+        robot, place = known
+        _remove(self._places, place, row)
+        _remove(self._rows, robot, row)
+        left = self.count(robot)
+        self._count(robot, left + 1, left)
+
+    def forget(self, robots: Iterable[str]) -> None:
+        """Forget who brought the rows of robots."""
+        for robot in robots:
+            for row in list(self._rows.get(robot, ())):
+                place = self._of[row][1]
+                self.drop(row)
+                self.add(row, "", place)
+
+    def robot(self, row: int) -> str:
+        """Return who brought a row."""
+        return self._of[row][0]
+
+    def count(self, robot: str) -> int:
+        """Return how many rows a robot has."""
+        return len(self._rows.get(robot, ()))
+
+    def count_at(self, place: Place) -> int:
+        """Return how many rows are at a place."""
+        return len(self._places.get(place, ()))
+
+    def instead(self, robot: str) -> int | None:
+        """Return the oldest row of the robot that has most of them, if it has more than `robot` would with another."""
+        if self._most <= self.count(robot) + 1:
+            return None
+        return next(iter(self._rows[next(iter(self._by_count[self._most]))]))
+
+    def instead_at(self, place: Place, robot: str) -> int | None:
+        """Return the same of the rows at a place."""
+        rows = self._places.get(place, {})
+        counts = Counter(self._of[row][0] for row in rows)
+        if not counts:
+            return None
+        ((other, most),) = counts.most_common(1)
+        return next(row for row in rows if self._of[row][0] == other) if most > counts[robot] + 1 else None
+
+    def _count(self, robot: str, before: int, now: int) -> None:
+        if before:
+            _remove(self._by_count, before, robot)
+        if now:
+            self._by_count.setdefault(now, {})[robot] = None
+        self._most = max(self._most, now)
+        if self._most not in self._by_count:
+            self._most = now
+
+
+def _remove(groups: dict[G, dict[M, None]], group: G, member: M) -> None:
+    """Remove a member of a group; groups without any are not kept."""
+    del groups[group][member]
+    if not groups[group]:
+        del groups[group]
+
+
+def places_of(at: Floats) -> list[Place]:
+    """Return the place of PLACE_M that each of (n, 2) is in."""
+    found: list[Place] = list(map(tuple, np.floor(at / PLACE_M).astype(np.int64).tolist()))
+    return found
+
+
 CELL_M: Final = 2.0
 _WRAP: Final = 1 << 20
 _AROUND: Final = tuple(across + up for across in (-_WRAP, 0, _WRAP) for up in (-1, 0, 1))
@@ -182,8 +281,10 @@ class Index:
             self._changed(cell)
 
     def drop(self, row: int) -> None:
-        """Forget a row."""
-        self._leave(row, self._cell.pop(row))
+        """Forget a row, if it is known."""
+        cell = self._cell.pop(row, None)
+        if cell is not None:
+            self._leave(row, cell)
 
     def near(self, places: Floats) -> tuple[Rows, Rows]:
         """Return pairs of numbers of places (n, 2) and rows that are within CELL_M of them, and some others."""

@@ -4,7 +4,6 @@ An outline is its support in 12 level directions: the farthest that the object r
 an object settles its edges on the camera's side and to the left and right; those behind it are not measured.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 
 from schemas.distances import REACHES
 from services.geometry.rotation import level_directions
+from services.worldmodel.classes import NO_CLASS, Classes
 from services.worldmodel.frames import Frames
 
 Rows = NDArray[np.intp]
@@ -59,6 +59,16 @@ CUT_SHARE: Final = 0.05
 FARTHEST_M: Final = 30.0
 HIGHEST_M: Final = 50.0
 WIDEST_M: Final = 20.0
+TALLEST_M: Final = 20.0
+"""How far from the middle of what is seen of an object its lowest and highest point are, at most."""
+
+TOO_FAR: Final = "farther, higher or larger than objects are"
+TOO_MANY_CLASSES: Final = "of more classes than there may be"
+TOO_MANY_SEEN: Final = "of views of more objects than count"
+_NOT_COUNTED: Final = -2
+"""Stands for the class of what is left out without being looked at."""
+
+_WHY: Final = {NO_CLASS: TOO_MANY_CLASSES, _NOT_COUNTED: TOO_MANY_SEEN}
 
 
 @dataclass(slots=True, eq=False)
@@ -105,25 +115,36 @@ class Sightings:
         self.edges = self.edges + by @ UNITS.T
 
 
-def place(frames: Frames, numbers: Sequence[int]) -> tuple[Sightings, Rows]:
-    """Return the sightings of views, and the numbers of views of which sightings were left out as impossible.
+def place(frames: Frames, classes: Classes, most_seen: int) -> tuple[Sightings, list[tuple[str, str]]]:
+    """Return the sightings of views, and of those that were left out the robots and reasons.
 
-    numbers: of the class of each view's each object, one after another; negative for none.
+    most_seen: how many objects of a view count.
     """
     table, frame = frames.objects, frames.frame_of
-    classes = np.array(numbers, np.intp)
+    robots = [view.header.robot for view in frames.views]
+    numbers = np.array(
+        [
+            classes.number(each.name, robot) if nth < most_seen else _NOT_COUNTED
+            for view, robot in zip(frames.views, robots, strict=True)
+            for nth, each in enumerate(view.objects)
+        ],
+        np.intp,
+    )
     away = table[:, :2] - frames.camera[frame, :2]
     distance = np.sqrt(np.einsum("nk,nk->n", away, away))
     sane = (
-        (classes >= 0)
+        (numbers >= 0)
         & (distance < FARTHEST_M)
         & (np.abs(table[:, 2] - frames.camera[frame, 2]) < HIGHEST_M)
         & (table[:, 11:].max(axis=1, initial=0.0) < WIDEST_M * 1000)
         & (table[:, 5] >= table[:, 4])
+        & (np.abs(table[:, 4:6] - table[:, 2:3]) < TALLEST_M).all(axis=1)
         & (table[:, 3] <= FARTHEST_M)
     )
-    kept = np.flatnonzero(sane)
-    return _placed(frames, kept, classes[kept], away[kept]), frame[~sane]
+    kept, wrong = np.flatnonzero(sane), np.flatnonzero(~sane)
+    reasons = [_WHY.get(number, TOO_FAR) for number in numbers[wrong].tolist()]
+    of = [robots[each] for each in frame[wrong].tolist()]
+    return _placed(frames, kept, numbers[kept], away[kept]), list(zip(of, reasons, strict=True))
 
 
 def _placed(frames: Frames, nth: Rows, classes: Rows, away: Floats) -> Sightings:

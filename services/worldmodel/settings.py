@@ -1,5 +1,6 @@
 """Settings of a worker of the world model."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -35,8 +36,8 @@ class WorldSettings(WorkerSettings, BusSettings):
         default=["main=*"],
         min_length=1,
         max_length=1_000,
-        description="maps and the robots that drive in them, such as hall-2=r1+r2 or main=* for every robot; workers"
-        " with the same sites share them",
+        description="maps and the robots that drive in them, such as hall-2=r1+r2, or main=* for every robot that no"
+        " other site names; workers with the same sites share them",
     )
     state: Path | None = Field(
         default=None, description="folder in which the sites' objects are kept over restarts; by default nowhere"
@@ -63,14 +64,22 @@ class WorldSettings(WorkerSettings, BusSettings):
     most_objects: int = Field(default=100_000, ge=1, le=1_000_000, description="objects of a site, at most")
 
     @model_validator(mode="after")
-    def _each_site_once(self) -> Self:
-        names = list(self.robots_of)
-        if len(names) < len(self.sites):
+    def _each_once(self) -> Self:
+        if len(self.robots_of) < len(self.sites):
             raise ValueError("sites: each may be given once")
+        named = Counter(robot for robots in self.robots_of.values() for robot in robots or (ANY,))
+        for robot, count in named.items():
+            if count > 1:
+                given = "every robot" if robot == ANY else f"robot {robot}"
+                raise ValueError(f"sites: {given} is given {count} times, and a robot drives in one site")
         return self
 
     @property
     def robots_of(self) -> dict[str, tuple[str, ...]]:
-        """The robots of each site; none for every robot."""
+        """The robots of each site; none for every robot that no other site names."""
         split = (text.partition("=") for text in self.sites)
         return {name: () if robots in {"", ANY} else tuple(robots.split("+")) for name, _, robots in split}
+
+    def elsewhere(self, site: str) -> frozenset[str]:
+        """Return the robots that other sites name."""
+        return frozenset(robot for name, robots in self.robots_of.items() if name != site for robot in robots)

@@ -5,9 +5,10 @@ import logging
 import time
 from asyncio import Task, TaskGroup
 from collections import Counter
-from collections.abc import Callable, Sequence
-from itertools import islice
+from collections.abc import Callable, Collection, Sequence
+from heapq import nlargest
 from math import radians
+from secrets import randbelow
 from typing import Final
 from uuid import uuid4
 
@@ -32,12 +33,12 @@ from schemas.world import (
 )
 from services.worldmodel.floor import Floor
 from services.worldmodel.model import SiteModel
-from services.worldmodel.names import CameraName, Roster
+from services.worldmodel.names import CameraName, LeftOut, Roster
 from services.worldmodel.object_lifecycle import Rules
 from services.worldmodel.offsets import Localisation
 from services.worldmodel.published_objects import Inventory
 from services.worldmodel.settings import WorldSettings
-from services.worldmodel.state import StateError, restored, saved
+from services.worldmodel.state import RUNS, StateError, restored, saved
 
 APART_NS: Final = 5_000_000_000
 """A view with a stamp that is farther from when it came is taken to be taken when it came: clocks are apart."""
@@ -49,15 +50,20 @@ REPLACED: Final = "views replaced by newer ones"
 MALFORMED: Final = "malformed views"
 OTHER_FRAME: Final = "views in another frame than the site's"
 CLOCKS_APART: Final = "views whose stamps are far from when they came, taken as of then"
+FAILED: Final = "of views that could not be taken in, see the log"
 
 
 class ViewReader:
-    """Decodes views. frame: of the site's map. roster: whose views there is room for. left_out: counts, by reason."""
+    """Decodes views. frame: of the site's map. roster: whose views there is room for.
 
-    def __init__(self, frame: str, roster: Roster) -> None:
+    elsewhere: robots of other sites, whose views are none of this one's. left_out: counts, by robot and reason.
+    """
+
+    def __init__(self, frame: str, roster: Roster, elsewhere: Collection[str] = ()) -> None:
         self._frame = frame
         self._roster = roster
-        self.left_out: Counter[str] = Counter()
+        self._elsewhere = elsewhere
+        self.left_out = LeftOut()
 
     def read(self, samples: Sequence[Sample]) -> list[tuple[CameraView, int]]:
         """Return the views of some samples, each with when it was taken, in that order."""
@@ -65,25 +71,30 @@ class ViewReader:
         return sorted(found, key=lambda each: each[1])
 
     def _read(self, sample: Sample) -> tuple[CameraView, int] | None:
-        if sample.replaced:
-            self.left_out[REPLACED] += sample.replaced
+        robot = ""
         try:
+            camera = keys.parse_stream(sample.key).camera
+            robot = camera.robot
+            if robot in self._elsewhere:
+                return None
+            if sample.replaced:
+                self.left_out.add(robot, REPLACED, sample.replaced)
             view = codec.decode(CameraView, sample.payload, sample.encoding)
-            codec.check_identity(view.header, keys.parse_stream(sample.key).camera)
+            codec.check_identity(view.header, camera)
         except SchemaError as error:
-            self.left_out[MALFORMED] += 1
-            log.warning("%s left out: %s", sample.key, error)
+            if self.left_out.add(robot, MALFORMED):
+                log.warning("%s left out, as are later ones of its robot: %s", sample.key, error)
             return None
         if view.frame_id != self._frame:
-            self.left_out[OTHER_FRAME] += 1
+            self.left_out.add(robot, OTHER_FRAME)
             return None
-        full = self._roster.admit(view.header.robot, view.header.camera, sample.received_ns)
+        full = self._roster.admit(robot, camera.camera, sample.received_ns)
         if full:
-            self.left_out[full] += 1
+            self.left_out.add(robot, full)
             return None
         stamp_ns = view.header.stamp_ns
         if abs(sample.received_ns - stamp_ns) > APART_NS:
-            self.left_out[CLOCKS_APART] += 1
+            self.left_out.add(robot, CLOCKS_APART)
             stamp_ns = sample.received_ns
         return view, stamp_ns
 
@@ -115,7 +126,7 @@ class Site:
         prefix, self._last = uuid4().hex[:6], 0
         if saved_state:
             try:
-                prefix, self._last = restored(name, saved_state, self.model)
+                prefix, self._last = restored(name, saved_state, self.model, randbelow(RUNS))
                 self.model.set_back(time.time_ns())  # its clock may have been ahead
             except StateError as error:
                 log.warning("site %s: begun anew: %s", name, error)
@@ -123,8 +134,9 @@ class Site:
         self._epoch = uuid4().hex[:12]
         self._floor = Floor()
         self._roster = Roster((camera for camera, _ in self.model.cameras.items()), time.time_ns())
-        self._reader = ViewReader(settings.frame, self._roster)
+        self._reader = ViewReader(settings.frame, self._roster, settings.elsewhere(name))
         self._nearby: dict[str, Task[None]] = {}
+        self._failed: set[str] = set()
         self._lag_ns = 0
         self._now_ns = 0
 
@@ -156,13 +168,38 @@ class Site:
                 self._lag_ns = max(0, now_ns - batch[0].received_ns)
                 found = self._reader.read(batch)
                 self._forget(*self._roster.take_left())
-                events = self.model.take_all(found)
-                self._tell(told, [self._inventory.change(event) for event in events])
-                for view, at_ns in found:
-                    self._floor.take(view, at_ns)
+                usual = [each for each in found if each[0].header.robot not in self._failed]
+                for some in (usual, *([each] for each in found if each[0].header.robot in self._failed)):
+                    self._take(told, some)
                 for robot in {view.header.robot for view, _ in found} - self._nearby.keys():
                     self._nearby[robot] = group.create_task(self._tell_nearby(robot))
                 await asyncio.sleep(0)
+
+    def _take(self, told: Publisher, views: Sequence[tuple[CameraView, int]]) -> None:
+        """Take views in, and tell what changed.
+
+        Whatever a view does that nobody expected, others count: each is then taken alone, and so are all later ones of
+        the robot whose view it was.
+        """
+        try:
+            try:
+                self.model.take_all(views)
+            finally:  # what changed before it failed has changed
+                self._tell(told, [self._inventory.change(event) for event in self.model.lifecycle.events])
+            for view, at_ns in views:
+                if self.model.trusts(view.header.robot):  # a lost one looked at floor elsewhere
+                    self._floor.take(view, at_ns)
+        except Exception:
+            if len(views) != 1:
+                for each in views:
+                    self._take(told, [each])
+                return
+            ((view, _),) = views
+            robot = view.header.robot
+            self.model.left_out[robot, FAILED] += max(1, len(view.objects))
+            if robot not in self._failed:
+                self._failed.add(robot)
+                log.exception("a view of %s left out, as are later ones like it", robot)
 
     def _heed_clock(self, now_ns: int) -> None:
         """Notice that the system clock was set back: until it were as late again, nothing would be new."""
@@ -176,6 +213,8 @@ class Site:
         if cameras:
             self.model.forget(set(robots), cameras)
             self._floor.forget(cameras)
+        self._failed.difference_update(robots)
+        self._reader.left_out.forget(robots)
         for robot in robots:
             if robot in self._nearby:
                 self._nearby.pop(robot).cancel()
@@ -260,19 +299,19 @@ class Site:
         )
 
     def _left_out(self) -> dict[str, int]:
-        counts: dict[str, int] = dict(self._reader.left_out)
+        counts = Counter(self._reader.left_out.by_reason)
         for (_, reason), count in self.model.left_out.items():
-            counts[reason] = counts.get(reason, 0) + count
-        return counts
+            counts[reason] += count
+        return dict(counts)
 
     def _problems(self, robots: Sequence[RobotOffset]) -> list[str]:
         doubted = [f"{each.robot}: {each.doubted}" for each in robots if each.doubted]
-        others = [f"{robot}: {count} sightings left out: {why}" for (robot, why), count in self._worst()]
+        left_out = (*self._reader.left_out.items(), *self.model.left_out.items())
+        named = (each for each in left_out if each[0][0] and each[0][1] != REPLACED and each[1])
+        worst = nlargest(MAX_PROBLEMS, named, key=lambda each: each[1])
+        # in one form, those of views too: others find the robot by it
+        others = (f"{robot}: {count} sightings left out: {why}" for (robot, why), count in worst)
         return [*doubted, *others][:MAX_PROBLEMS]
-
-    def _worst(self) -> list[tuple[tuple[str, str], int]]:
-        named = (each for each in self.model.left_out.most_common() if each[0][0] and each[1])
-        return list(islice(named, MAX_PROBLEMS))
 
 
 def site_key(name: str) -> keys.CameraKey:

@@ -13,6 +13,14 @@ VERSION: Final = 1
 _LEFT_OUT: Final = frozenset({"anchor", "anchor_variance", "anchor_robot"})
 """Offsets are estimated anew, so what they were estimated from is not kept."""
 
+SKIPPED: Final = 1 << 24
+"""Numbers that a run may have given to objects since its state was saved, at most. Nobody may get them again."""
+
+RUNS: Final = 1 << 16
+"""Several runs may go on from one state, as where the first one ends before it saves its own: each skips another
+multiple of SKIPPED, up to so many, so that they give different numbers. A number has 63 bits, room for 8 million
+restarts."""
+
 
 class StateError(Exception):
     """Bytes that are no state of a model, or of another version."""
@@ -56,8 +64,10 @@ def saved(site: str, prefix: str, last: int, model: SiteModel) -> bytes:
     )
 
 
-def restored(site: str, data: bytes, model: SiteModel) -> tuple[str, int]:
+def restored(site: str, data: bytes, model: SiteModel, run: int = 0) -> tuple[str, int]:
     """Fill a new model with what was saved of the site; return the prefix of its ids, and the last change's number.
+
+    run: one of RUNS, by chance.
 
     Raises:
         StateError: they are no state of this site and version.
@@ -70,7 +80,8 @@ def restored(site: str, data: bytes, model: SiteModel) -> tuple[str, int]:
         objects = _objects(arrays)
     except (msgspec.MsgspecError, ValueError, TypeError, KeyError) as error:
         raise StateError(f"not the state of a model: {error}") from error
-    model.restore(objects, state.classes, [(robot, camera) for robot, camera in state.cameras], state.next_number)
+    next_number = state.next_number + SKIPPED * (1 + run)
+    model.restore(objects, state.classes, [(robot, camera) for robot, camera in state.cameras], next_number)
     return state.prefix, state.last
 
 

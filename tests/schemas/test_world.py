@@ -88,6 +88,16 @@ def test_a_view_is_located_or_says_why_not() -> None:
         msgspec.structs.replace(view(viewed()), position=None, unlocated="no map frame")
 
 
+@pytest.mark.parametrize(
+    "wrong", [(0, 1e10, 0, 0), (0, 0, 0, 0), (0, 0, 0, 1.02), (0, 0, 0, float("nan")), (float("inf"), 0, 0, 1)], ids=str
+)
+def test_a_view_is_turned_by_a_rotation(wrong: tuple[float, ...]) -> None:
+    fields = msgspec.msgpack.decode(codec.encode(view()))
+    with pytest.raises(SchemaError, match="a rotation of length"):
+        sent(CameraView, fields | {"rotation": wrong})
+    sent(CameraView, fields | {"rotation": (0, 0, 0, 1.009)})
+
+
 def test_a_view_of_many_objects_is_a_few_kilobytes() -> None:
     seen = msgspec.structs.replace(view(*[viewed()] * 15), grid=grid(32, 24))
     payload = codec.encode(seen)

@@ -13,6 +13,7 @@ from services.worldmodel import object_lifecycle
 from services.worldmodel.model import SiteModel
 from services.worldmodel.object_lifecycle import Rules
 from services.worldmodel.offsets import LOST, RIGHT
+from services.worldmodel.placement import TOO_FAR
 from tests.services.worldmodel.scene import NS, Camera, Thing, around, known, moved, view, watch
 
 BOX = Thing(4.0, 0.0)
@@ -194,10 +195,13 @@ def test_nonsense_is_left_out_and_attributed() -> None:
         msgspec.structs.replace(box, at=(500.0, 0.0, 0.2)),
         msgspec.structs.replace(box, depth_m=900.0),
         msgspec.structs.replace(box, low_m=2.0, high_m=1.0),
+        msgspec.structs.replace(box, low_m=5e8, high_m=5e8 + 0.3),
+        msgspec.structs.replace(box, low_m=-50.0),
+        msgspec.structs.replace(box, high_m=50.0),
         msgspec.structs.replace(box, reach_mm=[2_000_000] * 12),
     ]
     model.take(msgspec.structs.replace(seen, objects=wrong), NS)
-    assert model.left_out["r7", model_module.TOO_FAR] == len(wrong)
+    assert model.left_out["r7", TOO_FAR] == len(wrong)
     assert len(model.objects.known()) == 0
 
 

@@ -17,7 +17,7 @@ from schemas.world import MAX_ROBOT_CAMERAS, MAX_ROBOTS, NearbyObjects, SiteStat
 from services.worldmodel import names
 from services.worldmodel.floor import Floor
 from services.worldmodel.model import UNLOCATED, SiteModel
-from services.worldmodel.names import ABSENT_NS, TOO_MANY_CAMERAS, TOO_MANY_ROBOTS, Numbers, Roster
+from services.worldmodel.names import ABSENT_NS, TOO_MANY_CAMERAS, TOO_MANY_ROBOTS, LeftOut, Numbers, Roster
 from services.worldmodel.published_objects import Inventory
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import Site, ViewReader
@@ -43,7 +43,7 @@ def test_a_site_reads_views_of_so_many_robots_until_one_is_absent_for_long() -> 
     for number in range(MAX_ROBOTS):
         assert not roster.admit(f"r{number}", "front", NS + number)
     assert reader.read([sample("new", at_ns=2 * NS)]) == []
-    assert reader.left_out == {TOO_MANY_ROBOTS: 1}
+    assert dict(reader.left_out.items()) == {("new", TOO_MANY_ROBOTS): 1}
     assert len(reader.read([sample("r0", at_ns=2 * NS)])) == 1
     assert roster.take_left() == ([], [])
     assert len(reader.read([sample("new", at_ns=NS + 1 + ABSENT_NS)])) == 1
@@ -56,7 +56,7 @@ def test_a_robot_has_so_many_cameras_and_others_have_theirs() -> None:
     reader = ViewReader("map", roster)
     assert len(reader.read([sample("r1", f"c{number}") for number in range(MAX_ROBOT_CAMERAS)])) == MAX_ROBOT_CAMERAS
     assert reader.read([sample("r1", "new")]) == []
-    assert reader.left_out == {TOO_MANY_CAMERAS: 1}
+    assert dict(reader.left_out.items()) == {("r1", TOO_MANY_CAMERAS): 1}
     assert len(reader.read([sample("r2", "new"), sample("r1", "c0", 2 * NS)])) == 2
     assert len(reader.read([sample("r1", "new", NS + ABSENT_NS)])) == 1
     assert roster.take_left() == ([], [("r1", "c1")])
@@ -67,6 +67,18 @@ def test_cameras_that_a_restored_model_knows_have_their_place() -> None:
     assert roster.admit("r2", "front", 2 * NS) == TOO_MANY_ROBOTS
     assert roster.admit("r1", "rear", 2 * NS) == TOO_MANY_CAMERAS
     assert roster.admit("r1", "front", 2 * NS) == ""
+
+
+def test_what_was_left_out_is_counted_by_robot_of_so_many() -> None:
+    left_out = LeftOut(most_robots=2)
+    assert [left_out.add("r1", "late"), left_out.add("r1", "late"), left_out.add("r1", "new", 2)] == [True, False, True]
+    assert left_out.add("r2", "late")
+    left_out.add("r1", "late")
+    assert not left_out.add("r3", "late")  # one of as many names as anybody likes
+    assert dict(left_out.items()) == {("r1", "late"): 3, ("r1", "new"): 2, ("r3", "late"): 1, ("", "late"): 1}
+    left_out.forget(["r1", "nobody"])
+    assert dict(left_out.items()) == {("r3", "late"): 1, ("", "late"): 4, ("", "new"): 2}
+    assert left_out.by_reason == {"late": 5, "new": 2}
 
 
 def test_numbers_of_forgotten_names_are_given_again() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from schemas.distances import REACHES
-from services.worldmodel.classes import MAX_CLASSES, Classes
+from services.worldmodel.classes import ASSUMED_RATE, MAX_CLASSES, MOST_BROUGHT, Classes
 from services.worldmodel.events import BACK_NS, Gone
 from services.worldmodel.fusion import fitted
 from services.worldmodel.objects import CELL_M, Index, Objects
@@ -159,3 +159,34 @@ def test_classes_are_bounded() -> None:
     numbers = [classes.number(f"c{number}") for number in range(MAX_CLASSES + 2)]
     assert numbers == [*range(MAX_CLASSES), -1, -1]
     assert classes.number("c3") == 3
+
+
+def test_a_robot_brings_so_many_classes_and_those_without_objects_make_room() -> None:
+    classes = Classes()
+    assert [classes.number(f"a{number}", "r1") for number in range(MOST_BROUGHT + 1)] == [*range(MOST_BROUGHT), -1]
+    assert classes.number("a3", "r1") == 3
+    assert classes.number("box", "r2") == MOST_BROUGHT
+    assert classes.is_short
+    classes.release({0, 1, 2, 3, MOST_BROUGHT}, {2, 3})
+    assert not classes.is_short
+    more = [classes.number(f"b{number}", "r1") for number in range(MOST_BROUGHT)]
+    assert (more.index(-1), classes.names[MOST_BROUGHT + 1]) == (MOST_BROUGHT - 2, "b0")  # two of the first are left
+    assert classes.number("a9", "r1") == -1
+    assert classes.number("a9", "r3") == 9
+    classes.forget(["r1"])
+    assert classes.number("c", "r1") >= 0
+
+
+def test_a_class_without_objects_makes_room_for_another_one_that_knows_nothing_of_it() -> None:
+    classes = Classes()
+    for number in range(MAX_CLASSES):
+        classes.number("forklift" if number == 5 else f"c{number}")
+    everything = set(range(MAX_CLASSES))
+    classes.learn(np.array([5, 5]), np.array([1.0, 1.0]), np.array([False, False]))
+    assert classes.number("pallet", "r1") == -1
+    classes.release(everything - {4, 5}, everything - {4, 5})
+    assert classes.number("c4", "r1") == 4
+    assert classes.number("pallet", "r1") == 5
+    assert (classes.names[5], bool(classes.moves[5]), float(classes.sizes[5, 0])) == ("pallet", False, 1.2)
+    assert classes.rate(np.array([5]), np.array([1.0]))[0] == pytest.approx(ASSUMED_RATE)
+    assert classes.number("forklift", "r1") == -1
