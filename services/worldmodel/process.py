@@ -8,13 +8,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from bus import LATEST, Bus, Watch, open_bus
+from bus import LATEST, Bus, RequestError, Watch, open_bus
 from bus.reporting import VERSION, report
 from bus.sharing.camera_assignment import CameraAssignment, owner
-from schemas import worker_keys
+from schemas import codec, worker_keys
 from schemas.errors import SchemaError
 from schemas.status import WorkerStatus
 from schemas.worker_keys import Serves, WorkerAlive, WorldStream, parse_worker_alive, world_key
+from schemas.world import WorldRequest
 from services import service_manager
 from services.whole_file import write_whole
 from services.worldmodel.settings import WorldSettings
@@ -24,6 +25,7 @@ SERVICE: Final = "worldmodel"
 JOIN_S: Final = 0.5
 """Time for which a new worker watches the others before it takes a site."""
 
+ASK_S: Final = 1.0
 SETTLE_S: Final = 0.3
 """Time for which a site must be without a worker before another one takes it."""
 
@@ -69,7 +71,7 @@ class WorldWorker:
             for site in self._settings.robots_of:
                 if site in self._tasks:
                     await self._give_way(site)
-                elif self._is_mine(site):
+                elif self._is_mine(site) and not await self._is_served(site):
                     self._tasks[site] = group.create_task(self._serve(site))
             with suppress(TimeoutError):
                 async with asyncio.timeout_at(self._assignment.next_s):
@@ -82,6 +84,21 @@ class WorldWorker:
             self._assignment.forget(key)  # nobody is idle that leaves a site to whoever has it
             return False
         return self._assignment.owner(key, asyncio.get_running_loop().time()) == self._settings.worker
+
+    async def _is_served(self, site: str) -> bool:
+        """Whether somebody serves a site whose token has not come yet, as on a slow link to a worker that just began.
+
+        One that has got the site's state stood by: it does not ask, as it takes over.
+        """
+        if self._states.get(site):
+            return False
+        nothing = codec.encode(WorldRequest(seen_within_s=0.0, least_existence=1.0))
+        key, encoding = world_key(site, WorldStream.OBJECTS), codec.encoding(WorldRequest)
+        try:
+            await self._bus.request(key, nothing, encoding=encoding, timeout_s=ASK_S)
+        except RequestError:
+            return False
+        return True
 
     async def _give_way(self, site: str) -> None:
         """Stand by again where another worker serves a site, too, and is the one to do so: after a cut link, say."""

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from bus import Reply, Request
 from bus.fake import FakeNetwork
 from bus.sharing.camera_assignment import owner
-from schemas.worker_keys import Serves, WorkerAlive, every_serves
+from schemas.worker_keys import Serves, WorkerAlive, WorldStream, every_serves, world_key
 from services.worldmodel import process
 from services.worldmodel.process import SERVICE, WorldWorker
 from services.worldmodel.settings import WorldSettings
@@ -38,6 +39,32 @@ async def test_a_state_that_is_being_written_is_whole_before_the_last_one_is_wri
     with suppress(asyncio.CancelledError):
         await writing
     assert steps == ["begin 1", "end 1"]
+
+
+async def test_a_new_worker_leaves_a_site_alone_that_is_answered_for_before_its_token_has_come() -> None:
+    answered: list[Request] = []
+
+    async def answer(request: Request) -> Reply:
+        answered.append(request)
+        return Reply(b"", "")
+
+    network = FakeNetwork()
+    key = site_key("hall")
+    async with (
+        network.open_bus() as theirs,
+        network.open_bus() as ours,
+        theirs.serve(world_key("hall", WorldStream.OBJECTS), answer),
+        theirs.watch(every_serves(SERVICE)) as watch,
+        asyncio.timeout(30),
+    ):
+        working = asyncio.create_task(WorldWorker(ours, WorldSettings(sites=["hall=*"], worker="w2")).run())
+        await until(lambda: answered)
+        async with theirs.announce(str(Serves(SERVICE, "w1", key))):
+            assert (await anext(watch)).key == str(Serves(SERVICE, "w1", key))
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(anext(watch), 1.5)
+        working.cancel()
+        await asyncio.wait([working])
 
 
 async def test_of_two_workers_that_serve_a_site_one_stands_by(caplog: pytest.LogCaptureFixture) -> None:
