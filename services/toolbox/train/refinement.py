@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from services.detector.model import Request
 from services.detector.runtime.letterbox import Letterbox
-from services.detector.runtime.refinement.network import network_like
+from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.refiner import (
     BOX,
     COARSE,
@@ -91,4 +91,6 @@ def state_in(weights: Path) -> Mapping[str, Any] | None:
     return state
 
 
-REFINEMENT: Final = Refinement(open=open_look, network=network_like, stretched=stretched, kept=kept, state_in=state_in)
+REFINEMENT: Final = Refinement(
+    open=open_look, network=RefinerNetwork, stretched=stretched, kept=kept, state_in=state_in
+)

@@ -40,15 +40,14 @@ class Refinement:
     """Provides the detector's close-ups and network.
 
     open: loads weights, in any process, onto a device to look with them; the folder is for files of its own. network:
-    makes a network that knows nothing yet, such as the one of this state if there is one, for so many classes and
-    channels of features; its forward takes pixels, features, labels and scores to log odds of masks and of their
-    qualities. stretched: a window of the model's input as
+    makes a network that knows nothing yet, for so many classes and channels of features; its forward takes pixels,
+    features, labels and scores to log odds of masks and of their qualities. stretched: a window of the model's input as
     a close-up has it. kept: what weights have of a network. state_in: the state of the network in weights, None
     without one.
     """
 
     open: Callable[[Path, str, Path], RefinerLook]
-    network: Callable[[Mapping[str, Any] | None, int, int], "nn.Module"]
+    network: Callable[[int, int], "nn.Module"]
     stretched: Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
     kept: Callable[["nn.Module"], dict[str, Any]]
     state_in: Callable[[Path], Mapping[str, Any] | None]

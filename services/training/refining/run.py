@@ -47,7 +47,7 @@ def refine(settings: TrainingSettings, weights: Path, refinement: Refinement, pr
     torch.manual_seed(settings.seed)
     start = None if settings.only_refiner else settings.start
     state = None if start is None else refinement.state_in(start)
-    network = refinement.network(state, len(CLASSES), samples.take(np.zeros(1, np.int64))["features"].shape[-1])
+    network = refinement.network(len(CLASSES), samples.take(np.zeros(1, np.int64))["features"].shape[-1])
     if state is not None:
         network.load_state_dict(state)
     fit_refiner(network, samples, settings=settings, progress=progress)

@@ -6,7 +6,7 @@ from typing import Any, Final
 import torch
 from numpy.typing import NDArray
 
-from services.detector.runtime.refinement.network import RefinerNetwork, network_like
+from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.refiner import CloseUps, Floats, Refined, refined
 
 KEY: Final = "mask_refiner"
@@ -40,8 +40,8 @@ def network_in(checkpoint: Mapping[str, Any], classes: int, prototypes: int) -> 
     state = checkpoint.get(KEY)
     if state is None:
         return None
+    network = RefinerNetwork(classes, prototypes)
     try:
-        network = network_like(state, classes, prototypes)
         network.load_state_dict(state)
     except (RuntimeError, TypeError, AttributeError) as error:
         raise ValueError(f"its {KEY} is none for {classes} classes and {prototypes} prototypes of masks") from error
