@@ -144,6 +144,7 @@ class SiteModel:
                 some = [view for view, _ in now.values()]
                 cameras = [self.cameras.number((each.header.robot, each.header.camera)) for each in some]
                 robots = [self.robots.number(each.header.robot) for each in some]
+                self.offsets.reserve(len(self.robots.names))  # even where a view fails below, its robot has a number
                 yield Frames.of(some, [at_ns for _, at_ns in now.values()], robots, cameras)
 
     def _round(self, frames: Frames) -> None:

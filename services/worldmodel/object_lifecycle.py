@@ -117,6 +117,8 @@ class ObjectLifecycle:
         """Make new objects of sightings of nothing known; return of which, and their rows."""
         new = new[~is_compound(seen, self._classes)[new]]
         new, rows = self._allowed(frames, seen, new)
+        alive = self.objects.number[rows] >= 0  # others of the same views made room
+        new, rows = new[alive], rows[alive]
         if not len(new):
             return new, new
         objects, frame = self.objects, seen.frame[new]

@@ -10,7 +10,7 @@ from typing import Final
 
 from bus import LATEST, Bus, RequestError, Watch, open_bus
 from bus.reporting import VERSION, report
-from bus.sharing.camera_assignment import CameraAssignment, owner
+from bus.sharing.camera_assignment import CameraAssignment
 from schemas import codec, worker_keys
 from schemas.errors import SchemaError
 from schemas.status import WorkerStatus
@@ -26,6 +26,9 @@ JOIN_S: Final = 0.5
 """Time for which a new worker watches the others before it takes a site."""
 
 ASK_S: Final = 1.0
+AGAIN_S: Final = 2.0
+"""Time after which it is asked again whether a site is served whose worker has shown no token."""
+
 SETTLE_S: Final = 0.3
 """Time for which a site must be without a worker before another one takes it."""
 
@@ -68,13 +71,17 @@ class WorldWorker:
     async def _take_sites(self, group: TaskGroup) -> None:
         while True:
             self._news.clear()
+            served = False
             for site in self._settings.robots_of:
-                if site in self._tasks:
-                    await self._give_way(site)
-                elif self._is_mine(site) and not await self._is_served(site):
+                if site in self._tasks or not self._is_mine(site):
+                    continue
+                if await self._is_served(site):
+                    served = True
+                elif self._is_mine(site):  # still: tokens may have come meanwhile
                     self._tasks[site] = group.create_task(self._serve(site))
+            soon_s = asyncio.get_running_loop().time() + AGAIN_S if served else None
             with suppress(TimeoutError):
-                async with asyncio.timeout_at(self._assignment.next_s):
+                async with asyncio.timeout_at(soon_s or self._assignment.next_s):
                     await self._news.wait()
             await asyncio.sleep(SETTLE_S)
 
@@ -99,16 +106,6 @@ class WorldWorker:
         except RequestError:
             return False
         return True
-
-    async def _give_way(self, site: str) -> None:
-        """Stand by again where another worker serves a site, too, and is the one to do so: after a cut link, say."""
-        others = self._assignment.took(site_key(site)) - {self._settings.worker}
-        present = [WorkerAlive(SERVICE, name) for name in (self._settings.worker, *others)]
-        if (rightful := owner(site_key(site), present)) != self._settings.worker:
-            log.warning("site %s: worker %s serves it, too; this one stands by", site, rightful)
-            task = self._tasks.pop(site)
-            task.cancel()
-            await asyncio.wait([task])
 
     async def _serve(self, site: str) -> None:
         async with self._bus.announce(str(Serves(SERVICE, self._settings.worker, site_key(site)))):

@@ -124,7 +124,7 @@ class Inventory:
     def nearby(self, robot: str, radius_m: float, since_ns: int) -> list[WorldObject]:
         """Return the confirmed objects near a robot that were seen since then, nearest first.
 
-        What stands where the robot does is the robot itself, as others see it.
+        What moves, stands where the robot does, and is seen by others alone is the robot itself.
         """
         model = self.model
         number = model.robots.find(robot)
@@ -136,7 +136,7 @@ class Inventory:
         away = np.hypot(*(model.objects.centre[rows] - at).T)
         nearest = rows[np.argsort(away)][: int((away <= radius_m).sum())]
         found = (self.object(row) for row in nearest.tolist())
-        return list(islice((each for each in found if not _contains(each, *at.tolist())), MAX_CHANGES))
+        return list(islice((each for each in found if not _is_itself(each, robot, *at.tolist())), MAX_CHANGES))
 
     def robots(self) -> list[RobotOffset]:
         """Return how far each robot's localisation is off."""
@@ -191,8 +191,10 @@ def _short(number: int) -> str:
     return _DIGITS[number] + digits
 
 
-def _contains(each: WorldObject, x: float, y: float) -> bool:
-    """Return whether a place in the map is within an object's box, seen from above."""
+def _is_itself(each: WorldObject, robot: str, x: float, y: float) -> bool:
+    """Return whether an object is a robot at that place in the map, as others see it."""
+    if each.velocity is None or any(seer.robot == robot for seer in each.seen_by):
+        return False
     cos, sin = math.cos(each.yaw or 0.0), math.sin(each.yaw or 0.0)
     across, up = x - each.at[0], y - each.at[1]
     length, width, _ = each.size

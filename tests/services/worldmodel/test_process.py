@@ -9,8 +9,7 @@ import pytest
 
 from bus import Reply, Request
 from bus.fake import FakeNetwork
-from bus.sharing.camera_assignment import owner
-from schemas.worker_keys import Serves, WorkerAlive, WorldStream, every_serves, world_key
+from schemas.worker_keys import Serves, WorldStream, every_serves, world_key
 from services.worldmodel import process
 from services.worldmodel.process import SERVICE, WorldWorker
 from services.worldmodel.settings import WorldSettings
@@ -65,36 +64,3 @@ async def test_a_new_worker_leaves_a_site_alone_that_is_answered_for_before_its_
                 await asyncio.wait_for(anext(watch), 1.5)
         working.cancel()
         await asyncio.wait([working])
-
-
-async def test_of_two_workers_that_serve_a_site_one_stands_by(caplog: pytest.LogCaptureFixture) -> None:
-    """Each took it while a link between them was cut."""
-    key = site_key("hall")
-    names = [f"w{number}" for number in range(10)]
-    winner = owner(key, [WorkerAlive(SERVICE, name) for name in names])
-    assert winner is not None
-    loser = next(name for name in names if name != winner)
-    network = FakeNetwork()
-    tokens: set[str] = set()
-    async with (
-        network.open_bus() as theirs,
-        network.open_bus() as ours,
-        theirs.watch(every_serves(SERVICE)) as watch,
-        asyncio.timeout(30),
-    ):
-
-        async def look() -> None:
-            async for presence in watch:
-                (tokens.add if presence.alive else tokens.discard)(presence.key)
-
-        looking = asyncio.create_task(look())
-        working = asyncio.create_task(WorldWorker(ours, WorldSettings(sites=["hall=*"], worker=loser)).run())
-        own, other = (str(Serves(SERVICE, name, key)) for name in (loser, winner))
-        await until(lambda: own in tokens)
-        async with theirs.announce(other):
-            await until(lambda: own not in tokens)
-            assert f"site hall: worker {winner} serves it, too; this one stands by" in caplog.text
-        await until(lambda: own in tokens)
-        for task in (working, looking):
-            task.cancel()
-        await asyncio.wait([working, looking])

@@ -67,9 +67,13 @@ def test_what_is_near_a_robot_is_told_nearest_first() -> None:
 
 def test_a_robot_that_others_see_is_no_obstacle_to_itself() -> None:
     inventory = seen()
-    watch(inventory.model, [], [Camera(4.2, 0.5, robot="r4")], 6.0, 1)
-    assert sorted(each.name for each in inventory.nearby("r1", 8.0, 0)) == ["box", "box", "pallet"]
-    assert [each.name for each in inventory.nearby("r4", 8.0, 0)] == ["box", "box"]
+    truck = Thing(5.5, 0.0, (2.0, 1.2, 2.0), name="forklift")
+    watch(inventory.model, [*THINGS, truck], [Camera(robot="r1"), Camera(0.5, 0.0, robot="r2")], 6.0, 8)
+    watch(inventory.model, [], [Camera(5.5, 0.0, robot="r4"), Camera(4.2, 0.5, robot="r5")], 10.0, 1)
+    every = ["box", "box", "forklift", "pallet"]
+    assert sorted(each.name for each in inventory.nearby("r1", 8.0, 0)) == every
+    assert sorted(each.name for each in inventory.nearby("r4", 8.0, 0)) == ["box", "box", "pallet"]
+    assert sorted(each.name for each in inventory.nearby("r5", 8.0, 0)) == every  # it is over a pallet, and no pallet
 
 
 def test_what_was_seen_is_told_again_but_not_at_once() -> None:

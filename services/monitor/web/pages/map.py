@@ -273,7 +273,10 @@ class _Map:
             return
         self._floor_next_s = time.monotonic() + FLOOR_EVERY_S
         looks = await ask_for_floor(self._monitor.bus, self._shown.name)
-        self._looks = None if looks is None else await asyncio.to_thread(looked_at, looks)
+        if not self._floor.value:  # any more
+            return
+        seen = looks is not None and looks.columns and looks.rows
+        self._looks = await asyncio.to_thread(looked_at, looks) if seen and looks is not None else None
         self._floor_words.set_text(floor_in_words(looks))
 
     def _bound(self, marks: Sequence[MapObject], robots: Sequence[DrawnRobot], zones: Sequence[ZoneCount]) -> None:

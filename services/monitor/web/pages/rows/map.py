@@ -4,6 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 from html import escape
 
+import numpy as np
+
 from schemas.world import FloorLooks, SiteStatus
 from services.monitor.map.drawing import STALE, colour_of, is_fresh
 from services.monitor.map.floor_plan import FLOOR_AGES_S, shades_of
@@ -57,8 +59,8 @@ def floor_in_words(looks: FloorLooks | None) -> str:
     """Return which shares of the floor were looked at how long ago, or that it is not known."""
     if looks is None:
         return "When the floor was looked at is not known: no world model answers."
-    seen = Counter(shades_of(looks).ravel().tolist())
-    total = sum(count for shade, count in seen.items() if shade)
+    seen = np.bincount(shades_of(looks).ravel(), minlength=len(FLOOR_AGES_S) + 2).tolist()
+    total = sum(seen[1:])
     if not total:
         return "The floor was not looked at yet."
     ages = [f"within {words}" for words in FLOOR_AGES_S.values()] + ["longer ago"]

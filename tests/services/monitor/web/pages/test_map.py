@@ -75,4 +75,5 @@ def test_how_long_ago_the_floor_was_looked_at_is_said_in_words() -> None:
         " The darker, the later."
     )
     assert "not looked at yet" in floor_in_words(looks(65_535))
+    assert "not looked at yet" in floor_in_words(looks())
     assert "not known" in floor_in_words(None)
