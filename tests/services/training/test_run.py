@@ -214,7 +214,7 @@ def test_a_refiner_alone_is_trained_anew_and_the_model_stays(interrupted: Traini
 def test_the_card_says_that_the_refiner_alone_was_trained(only_refined: Path) -> None:
     card = only_refined.with_suffix(".md").read_text()
     assert "that of tiny-seg.pt but for what refines its masks.\n" in card
-    assert "--only-refiner --from tiny-seg.pt" in card
+    assert "--from tiny-seg.pt --only-refiner" in card
     assert "is on the card of tiny-seg.pt" in card
     assert "trained for 2 epochs on" in card
     for other in ("batch", "no photograph", "trained from"):

@@ -76,7 +76,7 @@ def test_auto_chooses_among_what_is_installed(
 ) -> None:
     assert difference(found_by(SHIPPED_EXPORT, view, tmp_path), expected, 0.25) is None
     (choice,) = (tmp_path / "of exports").glob("choice-*")
-    assert choice.read_text() in ("onnx", "openvino")
+    assert choice.read_text().splitlines()[0] in ("onnx", "openvino")  # the next line says if the machine was busy
 
 
 def test_masks_stay_coarse_where_they_are_not_to_be_refined(view: NDArray[np.uint8], model_folder: Path) -> None:
