@@ -32,7 +32,7 @@ debian:
 
 intended:
 	@echo "[test] installs what the tests need (up to 5 minutes the first time), checks format, lint and types, and runs"
-	@echo "[test] about 11,000 tests: 30 to 55 minutes on 2 cores. A dot is a test that passed; the end says what failed."
+	@echo "[test] about 15,000 tests: 30 to 60 minutes on 2 cores. A dot is a test that passed; the end says what failed."
 
 lint:
 	@echo "[check] format, lint"
