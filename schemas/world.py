@@ -23,6 +23,9 @@ MAX_ROBOTS: Final = 4_096
 MAX_ROBOT_CAMERAS: Final = 32
 MAX_PROBLEMS: Final = 16
 MAX_CELLS: Final = 1_000_000
+LONG_AGO: Final = 65_535
+"""Age in seconds of floor that was looked at longer ago or never."""
+
 
 HALF_TURN: Final = 3.1416
 

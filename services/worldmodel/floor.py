@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.distances import CameraView, DepthGrid
-from schemas.world import MAX_CELLS, FloorLooks
+from schemas.world import LONG_AGO, MAX_CELLS, FloorLooks
 from services.geometry.rotation import matrix_of
 
 CELL_M: Final = 1.0
@@ -31,8 +31,6 @@ NEAR: Final = int(MOST_BLOCKS**0.5) // 2
 
 EVERY_NS: Final = 2_000_000_000
 """How often a camera's views count, at most."""
-
-LONG_AGO: Final = 65_535
 
 
 class Floor:

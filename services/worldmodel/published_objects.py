@@ -1,6 +1,5 @@
 """What others get of a site's model: its objects, changes, and what is near a robot. Pure."""
 
-import math
 from collections.abc import Iterable, Sequence
 from itertools import islice
 from typing import Final
@@ -19,6 +18,7 @@ from schemas.world import (
     WorldObject,
     WorldRequest,
 )
+from services.geometry.boxes import is_itself
 from services.worldmodel.events import Event
 from services.worldmodel.model import SiteModel
 from services.worldmodel.offsets import REASONS
@@ -136,7 +136,7 @@ class Inventory:
         away = np.hypot(*(model.objects.centre[rows] - at).T)
         nearest = rows[np.argsort(away)][: int((away <= radius_m).sum())]
         found = (self.object(row) for row in nearest.tolist())
-        return list(islice((each for each in found if not _is_itself(each, robot, *at.tolist())), MAX_CHANGES))
+        return list(islice((each for each in found if not is_itself(each, robot, at.tolist())), MAX_CHANGES))
 
     def robots(self) -> list[RobotOffset]:
         """Return how far each robot's localisation is off."""
@@ -189,13 +189,3 @@ def _short(number: int) -> str:
         number, digit = divmod(number, BASE)
         digits = _DIGITS[digit] + digits
     return _DIGITS[number] + digits
-
-
-def _is_itself(each: WorldObject, robot: str, x: float, y: float) -> bool:
-    """Return whether an object is a robot at that place in the map, as others see it."""
-    if each.velocity is None or any(seer.robot == robot for seer in each.seen_by):
-        return False
-    cos, sin = math.cos(each.yaw or 0.0), math.sin(each.yaw or 0.0)
-    across, up = x - each.at[0], y - each.at[1]
-    length, width, _ = each.size
-    return abs(cos * across + sin * up) <= length / 2 and abs(cos * up - sin * across) <= width / 2

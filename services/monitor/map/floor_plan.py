@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, Field, FiniteFloat, ValidationError, model_validator
 
-from schemas.world import FloorLooks
+from schemas.world import LONG_AGO, FloorLooks
 
 FREE, UNKNOWN, OCCUPIED = 0, 1, 2
 GREY: Final = (0x80, 0x86, 0x8E)
@@ -93,20 +93,19 @@ BLUE: Final = (0x2F, 0x7F, 0xD0)
 LOOKED_AT: Final = bytes((0, 150, 100, 60, 30))
 """Opacity of floor that was never looked at, within each of FLOOR_AGES_S, and longer ago."""
 
-NEVER: Final = 65_535
-"""Age of floor that was looked at longer ago than 18 hours, or never."""
-
 
 def shades_of(looks: FloorLooks) -> NDArray[np.uint8]:
     """Return for each cell (rows x columns) the place of its age in FLOOR_AGES_S, from 1; 0 if never looked at."""
     ages = np.frombuffer(looks.ages, "<u2").reshape(looks.rows, looks.columns)
     shades = np.searchsorted(list(FLOOR_AGES_S), ages).astype(np.uint8) + np.uint8(1)
-    shades[ages == NEVER] = 0
+    shades[ages == LONG_AGO] = 0
     return shades
 
 
-def looked_at(looks: FloorLooks) -> FloorPlan:
-    """Return an image of when the floor was looked at; clear where it never was."""
+def looked_at(looks: FloorLooks) -> FloorPlan | None:
+    """Return an image of when the floor was looked at, clear where it never was; None of a floor without a cell."""
+    if not looks.columns or not looks.rows:
+        return None
     image = _png(np.ascontiguousarray(shades_of(looks)[::-1]), BLUE, LOOKED_AT)
     size = looks.columns * looks.cell_m, looks.rows * looks.cell_m
     return FloorPlan(image, *size, *looks.origin, yaw=0.0, corners=())

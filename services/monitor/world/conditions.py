@@ -7,7 +7,7 @@ from itertools import islice
 from typing import Any, Final
 
 from schemas.alerts import Alert
-from schemas.world import WorldObject
+from services.geometry.boxes import is_itself
 from services.monitor.liveness import POSE_LIVE_NS, is_recent
 from services.monitor.map.pose import Pose
 from services.monitor.map.sites import Sites
@@ -216,24 +216,14 @@ class WorldConditions:
                 continue
             seen.add(robot)
             around = objects.near(rule.of, pose.x, pose.y, rule.than_m)
-            near = [each for each in around if not _is_itself(objects.objects[each[1]].of, robot, pose)]
+            near = [
+                each for each in around if not is_itself(objects.objects[each[1]].of, robot, (pose.x, pose.y), ITSELF_M)
+            ]
             texts = {
                 each: alert_texts.near_robot(rule.of, each, robot, distance_m, rule.than_m) for distance_m, each in near
             }
             yield from self._of_objects(rule, robot, texts)
         yield from self._unknown(rule, seen)
-
-
-def _is_itself(of: WorldObject, robot: str, pose: Pose) -> bool:
-    """Whether an object is the robot as others see it: its class moves, and its box is around the robot's place.
-
-    One that the robot sees itself is something else, however near it is.
-    """
-    if of.velocity is None or any(seer.robot == robot for seer in of.seen_by):
-        return False
-    x, y, yaw = pose.x - of.at[0], pose.y - of.at[1], of.yaw or 0.0
-    along, across = x * math.cos(yaw) + y * math.sin(yaw), y * math.cos(yaw) - x * math.sin(yaw)
-    return abs(along) <= of.size[0] / 2 + ITSELF_M and abs(across) <= of.size[1] / 2 + ITSELF_M
 
 
 def _unseen(rule: UnseenRule, objects: SiteObjects, now_ns: int) -> Finding:

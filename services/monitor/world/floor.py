@@ -7,13 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from schemas.world import FloorLooks
+from schemas.world import LONG_AGO, FloorLooks
 from services.monitor.world.zones import Zone
 
 NS: Final = 1_000_000_000
-LONG_AGO: Final = 65_535
-"""Age in seconds of what was looked at longer ago or never."""
-
 
 LEAST_COVERED: Final = 0.5
 """Share of a zone's area that cells whose centres are in it have to cover; else all cells that it touches count."""

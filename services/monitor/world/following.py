@@ -87,8 +87,7 @@ async def _look_at_floor(bus: Bus, site: str, objects: SiteObjects, sites: Sites
     while True:
         if objects.floor_wanted and sites.is_current(site, time.time_ns()):
             try:
-                reply = await bus.request(world_key(site, WorldStream.FLOOR), timeout_s=TIMEOUT_S)
-                looks = codec.decode(FloorLooks, reply.payload, reply.encoding)
+                looks = await _floor(bus, site, TIMEOUT_S)
                 zones = [zone for zone in objects.zones if zone.name in objects.floor_wanted]
                 floor = await asyncio.to_thread(floor_of, zones, looks, time.time_ns(), objects.floor)
                 objects.floor = {zone.name: floor[zone.name] for zone in zones if zone in objects.zones}
@@ -225,7 +224,11 @@ async def _ask(bus: Bus, site: str, question: WorldRequest, timeout_s: float = T
 async def ask_for_floor(bus: Bus, site: str) -> FloorLooks | None:
     """Ask when the floor of a site was looked at; None if nobody answers."""
     try:
-        reply = await bus.request(world_key(site, WorldStream.FLOOR), timeout_s=ONE_TIMEOUT_S)
-        return codec.decode(FloorLooks, reply.payload, reply.encoding)
+        return await _floor(bus, site, ONE_TIMEOUT_S)
     except (RequestError, SchemaError):
         return None
+
+
+async def _floor(bus: Bus, site: str, timeout_s: float) -> FloorLooks:
+    reply = await bus.request(world_key(site, WorldStream.FLOOR), timeout_s=timeout_s)
+    return codec.decode(FloorLooks, reply.payload, reply.encoding)

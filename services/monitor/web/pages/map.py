@@ -275,8 +275,7 @@ class _Map:
         looks = await ask_for_floor(self._monitor.bus, self._shown.name)
         if not self._floor.value:  # any more
             return
-        seen = looks is not None and looks.columns and looks.rows
-        self._looks = await asyncio.to_thread(looked_at, looks) if seen and looks is not None else None
+        self._looks = None if looks is None else await asyncio.to_thread(looked_at, looks)
         self._floor_words.set_text(floor_in_words(looks))
 
     def _bound(self, marks: Sequence[MapObject], robots: Sequence[DrawnRobot], zones: Sequence[ZoneCount]) -> None:

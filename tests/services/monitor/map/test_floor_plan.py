@@ -151,6 +151,7 @@ def test_floor_is_the_darker_the_later_it_was_looked_at_and_clear_where_it_never
         site="main", now_ns=1, origin=(-2.0, 5.0), cell_m=0.5, columns=3, rows=3, ages=memoryview(ages.tobytes())
     )
     drawn = looked_at(looks)
+    assert drawn is not None
     assert (drawn.width, drawn.height, drawn.x, drawn.y, drawn.yaw) == (1.5, 1.5, -2.0, 5.0, 0.0)
     with Image.open(io.BytesIO(drawn.png)) as image:
         opacity = np.asarray(image.convert("RGBA"))[::-1, :, 3]  # rows from below, as the map has them

@@ -5,13 +5,13 @@ from typing import Any
 import msgspec
 import pytest
 
-from schemas.world import ChangeKind, RobotOffset, WorldObject
+from schemas.world import LONG_AGO, ChangeKind, RobotOffset, WorldObject
 from services.monitor.map.pose import Pose
 from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.model import RuleBook, WorldRule
 from services.monitor.world.conditions import MAX_IDS, MOST_ALERTS, WorldConditions, remarks_on_zones
-from services.monitor.world.floor import LONG_AGO, floor_of
+from services.monitor.world.floor import floor_of
 from services.monitor.world.site_objects import MAX_TRANSITIONS, World
 from services.monitor.world.zones import Zone
 from tests.schemas.results import alert

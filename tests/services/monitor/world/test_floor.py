@@ -5,8 +5,8 @@ import struct
 import msgspec
 import pytest
 
-from schemas.world import FloorLooks
-from services.monitor.world.floor import LONG_AGO, floor_of
+from schemas.world import LONG_AGO, FloorLooks
+from services.monitor.world.floor import floor_of
 from services.monitor.world.zones import Zone
 from tests.services.monitor.world.test_site_objects import DOCK
 
