@@ -128,29 +128,41 @@ def _levels(seen: Sightings, objects: Objects, row: Rows, of: Rows) -> Floats:
 
 
 def _chosen(frame: Rows, row: Rows, of: Rows, cost: Floats) -> Rows:
-    """Return which pairs are chosen: the cheapest in all of each view, an unassigned sighting costing GATE."""
+    """Return which pairs are chosen: the cheapest in all of each view, an unassigned sighting costing GATE.
+
+    Mostly each sighting has its own likeliest object: then these are it. Only other views are a matter of weighing.
+    """
     if not len(row):
         return row
     _, column = np.unique(frame * (int(of.max()) + 1) + of, return_inverse=True)
-    alone = (np.bincount(row)[row] == 1) & (np.bincount(column)[column] == 1)
-    rest = np.flatnonzero(~alone)
-    order = rest[np.argsort(frame[rest], kind="stable")]
-    bounds = np.flatnonzero(np.diff(frame[order])) + 1
-    parts = [_cheapest(row, column, cost, part) for part in np.split(order, bounds) if len(part)]
-    return np.concatenate([np.flatnonzero(alone), *parts])
+    order = np.lexsort((cost, row))
+    best = order[np.diff(row[order], prepend=-1) > 0]  # of each sighting
+    contested = np.unique(frame[best[np.bincount(column[best])[column[best]] > 1]])
+    settled = best[np.isin(frame[best], contested, invert=True)]
+    rest = np.flatnonzero(np.isin(frame, contested))
+    rest = rest[np.argsort(frame[rest], kind="stable")]
+    weighed = _cheapest(frame[rest], row[rest], column[rest], cost[rest])
+    return np.concatenate([settled, *(rest[each] for each in weighed)])
 
 
-def _cheapest(row: Rows, column: Rows, cost: Floats, part: Rows) -> Rows:
-    """Return the pairs of one view, of those in `part`, that are cheapest in all."""
-    rows, r = np.unique(row[part], return_inverse=True)
-    columns, c = np.unique(column[part], return_inverse=True)
-    table = np.full((len(rows), len(columns)), 2 * GATE)
-    numbers = np.full(table.shape, -1, np.intp)
-    table[r, c], numbers[r, c] = cost[part], part
-    _, taken, _ = lap.lapjv(table, extend_cost=True, cost_limit=GATE)
-    matched = np.flatnonzero(taken >= 0)
-    chosen = numbers[matched, taken[matched]]
-    return np.asarray(chosen[chosen >= 0])
+def _cheapest(frame: Rows, row: Rows, column: Rows, cost: Floats) -> Iterator[Rows]:
+    """Yield the pairs of each view that are cheapest in all. frame: sorted. row, column: numbered view by view."""
+    starts = np.flatnonzero(np.diff(frame, prepend=-1))
+    if not len(starts):
+        return
+    counts = np.diff(starts, append=len(frame))
+    row, column = (each - np.repeat(np.minimum.reduceat(each, starts), counts) for each in (row, column))
+    heights, widths = (np.maximum.reduceat(each, starts) + 1 for each in (row, column))
+    ends = np.cumsum(heights * widths)
+    cells = np.repeat(ends - heights * widths, counts) + row * np.repeat(widths, counts) + column
+    costs, numbers = np.full(ends[-1], 2 * GATE), np.full(ends[-1], -1, np.intp)
+    costs[cells], numbers[cells] = cost, np.arange(len(frame))
+    for end, height, width in zip(ends.tolist(), heights.tolist(), widths.tolist(), strict=True):
+        table = slice(end - height * width, end)
+        _, taken, _ = lap.lapjv(costs[table].reshape(height, width), extend_cost=True, cost_limit=GATE)
+        matched = np.flatnonzero(taken >= 0)
+        chosen = numbers[table][matched * width + taken[matched]]
+        yield chosen[chosen >= 0]
 
 
 def once_each(rows: Rows) -> Iterator[Rows]:

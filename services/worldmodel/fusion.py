@@ -20,11 +20,12 @@ ANGLES: Final = 12
 _YAWS: Final = np.arange(ANGLES) * (np.pi / 2 / ANGLES)
 _TURNS: Final = np.arctan2(UNITS[:, 1], UNITS[:, 0])[np.newaxis, :] - _YAWS[:, np.newaxis]
 _SIDES: Final = np.stack([np.abs(np.cos(_TURNS)), np.abs(np.sin(_TURNS))], axis=2) / 2
-_DESIGN: Final = np.concatenate([np.broadcast_to(UNITS, (ANGLES, *UNITS.shape)), _SIDES], axis=2)
-"""How edges follow from (x, y, length, width) for each yaw, (ANGLES, REACHES, 4)."""
+"""How edges follow from (length, width) for each yaw, (ANGLES, REACHES, 2); from (x, y) they follow by UNITS."""
 
-_PAIRS: Final = np.einsum("ark,arl->rakl", _DESIGN, _DESIGN).reshape(len(UNITS), -1)
-_TARGETS: Final = _DESIGN.transpose(1, 0, 2).reshape(len(UNITS), -1)
+_PLACES: Final = np.einsum("rk,rl->rkl", UNITS, UNITS).reshape(len(UNITS), -1)
+_MIXED: Final = np.einsum("rk,arl->rakl", UNITS, _SIDES).reshape(len(UNITS), -1)
+_SIZES: Final = np.einsum("ark,arl->rakl", _SIDES, _SIDES).reshape(len(UNITS), -1)
+_BY_SIDE: Final = _SIDES.transpose(1, 0, 2).reshape(len(UNITS), -1)
 
 SHORTEST_M: Final = 0.05
 SHAPE_M: Final = 0.03
@@ -50,31 +51,43 @@ def fitted(edges: Floats, variance: Floats, sizes: Floats, hint: Floats) -> Boxe
 
     edges, variance: (n, REACHES), infinite variance for edges that are not known. sizes: (n, 3) usual length and width,
     and how much they vary. hint: (n, 2) about where the centre is.
+
+    For each yaw it is a least-squares problem of four unknowns. The place's block of its normal matrix is the same for
+    all yaws; the sizes are solved for by that block's Schur complement.
     """
     count, rows = len(edges), np.arange(len(edges))
     weights = 1 / (variance + SHAPE_M**2)
     near = edges - hint @ UNITS.T  # numbers stay small far from the map's origin
-    matrix = (weights @ _PAIRS).reshape(count, ANGLES, 4, 4)
-    vector = (np.where(weights > 0, weights * near, 0.0) @ _TARGETS).reshape(count, ANGLES, 4)
+    pulled = np.where(weights > 0, weights * near, 0.0)
     prior, loose = 1 / np.square(sizes[:, 2]), 1 / np.square(LOOSE * sizes[:, 0])
-    diagonal = np.stack([loose, loose, prior, prior], axis=1)
-    matrix[:, :, range(4), range(4)] += diagonal[:, np.newaxis]
-    inverse = np.linalg.inv(matrix)
-    both = np.stack([vector, vector], axis=1)  # the longer side may be either
-    both[:, 0, :, 2:] += (prior[:, np.newaxis] * sizes[:, :2])[:, np.newaxis]
-    both[:, 1, :, 2:] += (prior[:, np.newaxis] * sizes[:, 1::-1])[:, np.newaxis]
-    solved = np.einsum("nakl,nsal->nsak", inverse, both)
-    gained = np.einsum("nsak,nsak->nsa", both, solved).reshape(count, -1)
-    best = gained.argmax(axis=1)
-    side, angle = np.divmod(best, ANGLES)
-    solution = solved[rows, side, angle]
-    solution[:, 2:] = np.maximum(solution[:, 2:], SHORTEST_M)
-    outline = np.einsum("nrk,nk->nr", _DESIGN[angle], solution) + hint @ UNITS.T
-    covariance = inverse[rows, angle][:, :2, :2]
-    longer = solution[:, 2] >= solution[:, 3]
-    size = np.where(longer[:, np.newaxis], solution[:, 2:], solution[:, :1:-1])
+    place = (weights @ _PLACES).reshape(count, 1, 2, 2) + loose.reshape(count, 1, 1, 1) * np.identity(2)
+    mixed = (weights @ _MIXED).reshape(count, ANGLES, 2, 2)
+    sized = (weights @ _SIZES).reshape(count, ANGLES, 2, 2) + prior.reshape(count, 1, 1, 1) * np.identity(2)
+    place_covariance = _inverses(place)
+    centre = np.einsum("nkl,nl->nk", place_covariance[:, 0], pulled @ UNITS)
+    moving = place_covariance @ mixed
+    covariance = _inverses(sized - mixed.swapaxes(2, 3) @ moving)
+    left = (pulled @ _BY_SIDE).reshape(count, ANGLES, 2) - np.einsum("nakl,nk->nal", mixed, centre)
+    usual = (prior[:, np.newaxis] * sizes[:, :2])[:, np.newaxis]
+    both = np.stack([left + usual, left + usual[..., ::-1]], axis=1)  # the longer side may be either
+    solved = np.einsum("nakl,nsal->nsak", covariance, both)
+    side, angle = np.divmod(np.einsum("nsak,nsak->nsa", both, solved).reshape(count, -1).argmax(axis=1), ANGLES)
+    sides, moving = solved[rows, side, angle], moving[rows, angle]
+    centre = centre - np.einsum("nkl,nl->nk", moving, sides)
+    centre_covariance = place_covariance[:, 0] + moving @ covariance[rows, angle] @ moving.swapaxes(1, 2)
+    sides = np.maximum(sides, SHORTEST_M)
+    outline = np.einsum("nrk,nk->nr", _SIDES[angle], sides) + (centre + hint) @ UNITS.T
+    longer = sides[:, 0] >= sides[:, 1]
+    size = np.where(longer[:, np.newaxis], sides, sides[:, ::-1])
     yaw = np.where(longer, _YAWS[angle], _YAWS[angle] + np.pi / 2)
-    return Boxes(solution[:, :2] + hint, covariance, size, yaw, outline)
+    return Boxes(centre + hint, centre_covariance, size, yaw, outline)
+
+
+def _inverses(matrices: Floats) -> Floats:
+    """Return the inverses of symmetric matrices (..., 2, 2)."""
+    xx, xy, yy = matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]
+    made = np.stack([yy, -xy, -xy, xx], axis=-1) / (xx * yy - xy * xy)[..., np.newaxis]
+    return np.asarray(made.reshape(matrices.shape))
 
 
 Rows = NDArray[np.intp]

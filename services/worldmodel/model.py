@@ -31,6 +31,9 @@ NS: Final = 1_000_000_000
 SETTLED: Final = 5
 """Sightings after which an object says where the robots are that see it."""
 
+MOST_VIEWS: Final = 50
+"""So many are compared with what is known at once: arrays of more are larger than caches, of fewer there are more."""
+
 PULL: Final = 3.0
 """How much faster than localisation errors change objects are drawn to where poses as they came say that they are."""
 
@@ -126,7 +129,7 @@ class SiteModel:
         return self.lifecycle.index
 
     def _rounds(self, views: Sequence[tuple[CameraView, int]]) -> Iterator[Frames]:
-        """Yield views in groups in which no robot is twice."""
+        """Yield views in groups in which no robot is twice, each of MOST_VIEWS at most."""
         rest = list(views)
         while rest:
             now: dict[str, tuple[CameraView, int]] = {}
@@ -135,7 +138,7 @@ class SiteModel:
                 robot = view.header.robot
                 if view.position is None:
                     self.left_out[robot, UNLOCATED] += sum(view.unmeasured.values())
-                elif robot in now:
+                elif robot in now or len(now) == MOST_VIEWS:
                     later.append((view, at_ns))
                 else:
                     now[robot] = view, at_ns

@@ -17,7 +17,7 @@ from services.worldmodel.fusion import begin, fit, is_compound
 from services.worldmodel.objects import Index, Objects, Place, Unconfirmed, places_of
 from services.worldmodel.offsets import Localisation
 from services.worldmodel.placement import Sightings
-from services.worldmodel.solids import Merger, merge, shifted
+from services.worldmodel.solids import Merger, may_meet, merge, shifted
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +262,8 @@ class ObjectLifecycle:
         objects = self.objects
         number, second = self.index.near(objects.centre[rows])
         first, frame = rows[number], frame[number]
-        kept = (objects.cls[first] == objects.cls[second]) & (first != second)
+        kept = np.flatnonzero((objects.cls[first] == objects.cls[second]) & (first != second))
+        kept = kept[may_meet(objects, self._classes, first[kept], second[kept])]
         first, second, frame = first[kept], second[kept], frame[kept]
         keys = self.keys(frame, second)
         together = np.isin(keys, found)

@@ -14,6 +14,10 @@ Rows = NDArray[np.intp]
 Floats = NDArray[np.float64]
 
 HALF: Final = REACHES // 2
+NEAR: Final = 1.1
+"""Half of both diagonals, by so much, is how far apart the middles of outlines that overlap may be: these are known in
+REACHES directions only."""
+
 COVERED: Final = 0.6
 """Share of an object's width and height that a sighting covers if it shows that object too."""
 
@@ -30,6 +34,13 @@ def overlap(objects: Objects, first: Rows, second: Rows) -> Floats:
     return np.asarray(
         np.clip(depth / np.maximum(narrower, 0.05), 0, 1) * np.clip(level / np.maximum(lower, 0.03), 0, 1)
     )
+
+
+def may_meet(objects: Objects, classes: Classes, first: Rows, second: Rows) -> NDArray[np.bool_]:
+    """Return which pairs of objects of one class are near enough to overlap, or to be parts of one: few of those."""
+    one, other = (np.hypot(*objects.size[each].T) / 2 for each in (first, second))
+    apart = np.hypot(*(objects.centre[first] - objects.centre[second]).T)
+    return np.asarray(apart < np.maximum(NEAR * (one + other), classes.sizes[objects.cls[first], 0] / 2))
 
 
 def _depth(first: Floats, second: Floats) -> Floats:
