@@ -55,7 +55,7 @@ class Assignment:
 
 
 def assign(seen: Sightings, objects: Objects, row: Rows, of: Rows, pose: Floats) -> Assignment:
-    """Assign sightings to objects. row, of: the pairs to consider, of one class each.
+    """Assign sightings to objects. row, of: the pairs to consider.
 
     pose: (n, 3; xx, xy, yy) covariance of each sighting's place that comes from the robot's pose.
     """
@@ -71,11 +71,15 @@ def assign(seen: Sightings, objects: Objects, row: Rows, of: Rows, pose: Floats)
 def close(seen: Sightings, objects: Objects, row: Rows, of: Rows) -> tuple[Rows, Rows]:
     """Return those of the pairs of sightings and objects of one class that are near enough, and level, to be one."""
     alike = seen.classes[row] == objects.cls[of]
-    row, of = row[alike], of[alike]
+    return near(seen, objects, row[alike], of[alike])
+
+
+def near(seen: Sightings, objects: Objects, row: Rows, of: Rows) -> tuple[Rows, Rows]:
+    """Return those of the pairs of sightings and objects that are near enough to be one, of whatever classes."""
     reach = REACH_M + objects.size[of, 0] / 2
     x, y = (seen.middle[row] - objects.centre[of]).T
-    near = (np.abs(x) < reach) & (np.abs(y) < reach)
-    row, of = row[near], of[near]
+    kept = (np.abs(x) < reach) & (np.abs(y) < reach)
+    row, of = row[kept], of[kept]
     level = np.minimum(seen.high[row], objects.high[of]) >= np.maximum(seen.low[row], objects.low[of])
     return row[level], of[level]
 

@@ -1,14 +1,16 @@
 """What views say of objects that they do not show: hidden, out of view, looked past, or there but missed. Pure."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from services.worldmodel.classes import MAX_CLASSES
 from services.worldmodel.frames import Frames
 from services.worldmodel.objects import CELL_M, Index, Objects
-from services.worldmodel.placement import NOISE_PER_M2
+from services.worldmodel.placement import NOISE_PER_M2, Sightings
 
 Rows = NDArray[np.intp]
 Floats = NDArray[np.float64]
@@ -48,6 +50,15 @@ PROBES: Final = 3 * len(LEVELS)
 PLAIN: Final = PROBES - 3
 """Those below the upper edge."""
 
+_LOW_ROWS: Final = np.repeat((0.7, 0.8, 0.9), 8)
+_LOW_COLUMNS: Final = np.tile((np.arange(8) + 0.5) / 8, 3)
+"""Where in its grid a view is asked for the floor, as shares of the grid's height and width."""
+
+NAMED_NS: Final = 60_000_000_000
+"""A class that a model gave nothing for so long is taken to be one that it does not know."""
+
+MOST_MODELS: Final = 256
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Looks:
@@ -64,6 +75,10 @@ class Looks:
     def taken(self, which: Rows | NDArray[np.bool_]) -> "Looks":
         """Return some of them."""
         return Looks(self.frame[which], self.rows[which], self.past[which], self.distance[which])
+
+    def not_past(self, which: NDArray[np.bool_]) -> "Looks":
+        """Return them, some of which do not say that the place is empty."""
+        return Looks(self.frame, self.rows, self.past & ~which, self.distance)
 
 
 def look(frames: Frames, camera: Floats, rotation: Floats, objects: Objects, index: Index) -> Looks:
@@ -131,3 +146,54 @@ def _probes(objects: Objects, near: Rows, camera: Floats, rotation: Floats) -> F
     points[..., :2] = (front[:, np.newaxis] + across[:, np.newaxis] * aside[..., np.newaxis])[:, np.newaxis]
     points[..., 2] = _levels(objects, near)[:, :, np.newaxis]
     return np.asarray((points.reshape(len(near), PROBES, 3) - camera[:, np.newaxis]) @ rotation)
+
+
+def floor_levels(frames: Frames, camera: Floats, rotation: Floats) -> Floats:
+    """Return how high above the map's zero is what views show in their lower part, the median (views,) in metres.
+
+    Infinite where depth is missing there. camera, rotation: as in `look`.
+    """
+    column = (frames.columns[:, np.newaxis] * _LOW_COLUMNS).astype(np.intp)
+    row = (frames.rows[:, np.newaxis] * _LOW_ROWS).astype(np.intp)
+    cell = frames.starts[:, np.newaxis] + row * frames.columns[:, np.newaxis] + column
+    depth = frames.near_mm[cell] / 1000.0
+    fx, fy, cx, cy = (each[:, np.newaxis] for each in frames.lens.T)
+    right, down, ahead = (each[:, np.newaxis] for each in rotation[:, 2].T)
+    rise = right * (column + 0.5 - cx) / fx + down * (row + 0.5 - cy) / fy + ahead
+    return np.asarray(np.median(np.where(depth > 0, camera[:, 2:] + depth * rise, np.inf), axis=1))
+
+
+class Vocabulary:
+    """Which classes each detection model gave lately, from all robots that run it."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[str, int] = {}
+        self._named_ns = np.zeros((0, MAX_CLASSES), np.int64)
+        self._since_ns = np.zeros(0, np.int64)
+
+    def heed(self, frames: Frames, seen: Sightings) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+        """Learn from views; return which classes their models give (views, MAX_CLASSES), and since when each is known.
+
+        seen: the views' sightings.
+        """
+        numbers = self._of([view.model for view in frames.views], frames.at_ns)
+        np.maximum.at(self._named_ns, (numbers[seen.frame], seen.classes), frames.at_ns[seen.frame])
+        named = self._named_ns[numbers]
+        return (named > 0) & (frames.at_ns[:, np.newaxis] - named < NAMED_NS), self._since_ns[numbers]
+
+    def set_back(self, now_ns: int) -> None:
+        """Cap all times at now: the clock was set back."""
+        for times in (self._named_ns, self._since_ns):
+            np.minimum(times, now_ns, out=times)
+
+    def _of(self, models: Sequence[str], at_ns: NDArray[np.int64]) -> Rows:
+        new = dict.fromkeys(each for each in models if each not in self._numbers)
+        if len(self._numbers) + len(new) > MOST_MODELS:
+            new = dict.fromkeys(models)
+            self._numbers.clear()
+            self._named_ns, self._since_ns = self._named_ns[:0], self._since_ns[:0]
+        if new:
+            self._numbers.update({name: len(self._numbers) + nth for nth, name in enumerate(new)})
+            self._named_ns = np.concatenate([self._named_ns, np.zeros((len(new), MAX_CLASSES), np.int64)])
+            self._since_ns = np.concatenate([self._since_ns, np.full(len(new), at_ns.max(initial=0))])
+        return np.array([self._numbers[name] for name in models], np.intp)

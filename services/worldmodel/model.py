@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import count
 from typing import Final
 
@@ -9,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.distances import CameraView
-from services.worldmodel.association import Assignment, assign, close, displaced, once_each
+from services.worldmodel.association import Assignment, assign, close, displaced, near, once_each
 from services.worldmodel.classes import Classes
 from services.worldmodel.events import Event
-from services.worldmodel.evidence import Looks, look
+from services.worldmodel.evidence import FARTHEST_M, NAMED_NS, Looks, Vocabulary, floor_levels, look
 from services.worldmodel.frames import Frames
 from services.worldmodel.fusion import fuse
 from services.worldmodel.motion import drifts, move, moves
@@ -43,6 +44,7 @@ KNOWN_M2: Final = 0.25
 SWEEP_NS: Final = 6 * NS
 DOUBTED: Final = "of a robot whose pose is doubted"
 UNLOCATED: Final = "of a robot without a map frame"
+OTHER_NAME: Final = "another model's class names"
 
 
 class SiteModel:
@@ -69,6 +71,8 @@ class SiteModel:
         self.views = 0
         self.sightings = 0
         self.lifecycle = ObjectLifecycle(self.rules, self.classes, self.left_out)
+        self._vocabulary = Vocabulary()
+        self._robot_of = np.full(0, -1, np.int64)
         self._swept_ns = 0
 
     def take(self, view: CameraView, at_ns: int) -> list[Event]:
@@ -99,6 +103,7 @@ class SiteModel:
         """Cap all times at now: the clock was set back, and what is seen from now on is newer than what was."""
         self.objects.set_back(now_ns)
         self.offsets.set_back(now_ns)
+        self._vocabulary.set_back(now_ns)
         self._swept_ns = min(self._swept_ns, now_ns)
 
     def forget(self, robots: Collection[str], cameras: Collection[CameraName]) -> None:
@@ -110,6 +115,7 @@ class SiteModel:
         self.lifecycle.forget(robots)
         self.classes.forget(robots)
         self.objects.forget_seers(robot_numbers, camera_numbers)
+        self._robot_of[camera_numbers[camera_numbers < len(self._robot_of)]] = -1
         for robot, reason in [each for each in self.left_out if each[0] in robots]:
             self.left_out["", reason] += self.left_out.pop((robot, reason))
 
@@ -148,6 +154,8 @@ class SiteModel:
                 cameras = [self.cameras.number((each.header.robot, each.header.camera)) for each in some]
                 robots = [self.robots.number(each.header.robot) for each in some]
                 self.offsets.reserve(len(self.robots.names))  # even where a view fails below, its robot has a number
+                self._robot_of = np.append(self._robot_of, np.full(len(self.cameras.names) - len(self._robot_of), -1))
+                self._robot_of[cameras] = robots
                 yield Frames.of(some, [at_ns for _, at_ns in now.values()], robots, cameras)
 
     def _round(self, frames: Frames) -> None:
@@ -162,12 +170,19 @@ class SiteModel:
         row, of = close(seen, objects, *around)
         pose = offsets.pose_covariance(frames.robots[seen.frame], seen.away)
         found = assign(seen, objects, row, of, pose)
+        named, since_ns = self._vocabulary.heed(frames, seen)
+        found, renamed = self._under_other_names(seen, found, around, named, pose=pose)
         looks = look(frames, camera, rotation, objects, self.index)
-        self._judge(frames, seen, found, looks)
+        floor_m = floor_levels(frames, camera, rotation)
+        sane = self._judge(frames, seen, (found, renamed), looks, named=named, floor_m=floor_m)
         trusted = offsets.doubted[frames.robots] == RIGHT
         found, looks = self._trusted(frames, seen, found, looks, trusted)
-        several = covers_several(seen, objects, *self._sure(row, of), rotation[seen.frame, :2, 0])
-        moved = moves(seen, objects, self.classes, found, looks=looks, pairs=around, at_ns=frames.at_ns)
+        spared = self._spared(frames, looks, sane)
+        sure = self._settled(of)
+        several = covers_several(seen, objects, row[sure], of[sure], rotation[seen.frame, :2, 0])
+        moved = moves(
+            seen, objects, self.classes, found, looks=looks.not_past(spared), pairs=around, at_ns=frames.at_ns
+        )
         for each in (moved, drifts(seen, objects, self.classes, found)):
             move(objects, each, (frames.at_ns[seen.frame[each.seen]] - objects.last_ns[each.of]) / NS)
             self.index.put(each.of, objects.centre[each.of])
@@ -180,7 +195,9 @@ class SiteModel:
         if self._identify is not None:
             self._tell(self._identify, frames, seen.nth[np.append(which, created[0])], np.append(rows, created[1]))
         self.lifecycle.confirm(frames, seen.frame[which], rows, looks, keys)
-        self.lifecycle.miss(frames, looks, keys)
+        self._rename(frames, seen, renamed, since_ns)
+        held = ~spared & (looks.past | named[looks.frame, objects.cls[looks.rows]])
+        self.lifecycle.miss(frames, looks.taken(held), keys)
 
     def _tell(
         self, identify: Callable[[CameraView, Mapping[int, int]], None], frames: Frames, nth: Rows, rows: Rows
@@ -197,24 +214,70 @@ class SiteModel:
         self.left_out.update(left_out)
         return seen
 
-    def _sure(self, row: Rows, of: Rows) -> tuple[Rows, Rows]:
-        sure = self.objects.confirmed[of] & (self.objects.hits[of] >= SETTLED)
-        return row[sure], of[sure]
+    def _settled(self, rows: Rows) -> Bools:
+        return np.asarray(self.objects.confirmed[rows] & (self.objects.hits[rows] >= SETTLED))
 
-    def _judge(self, frames: Frames, seen: Sightings, found: Assignment, looks: Looks) -> None:
-        objects = self.objects
-        still = objects.confirmed & (objects.hits >= SETTLED) & ~self.classes.moves[objects.cls]
-        expected = looks.taken(still[looks.rows])
-        met = np.isin(
-            self.lifecycle.keys(expected.frame, expected.rows), self.lifecycle.keys(seen.frame[found.seen], found.of)
-        )
-        count = len(frames)
-        self.offsets.judge(
+    def _under_other_names(
+        self, seen: Sightings, found: Assignment, around: tuple[Rows, Rows], named: Bools, *, pose: Floats
+    ) -> tuple[Assignment, Assignment]:
+        """Split off what of the new is known, of a class that the view's model does not give."""
+        objects, moves = self.objects, self.classes.moves
+        row, of = around
+        kept = np.isin(row, found.new) & self._settled(of) & ~named[seen.frame[row], objects.cls[of]]
+        kept &= ~moves[objects.cls[of]] & ~moves[seen.classes[row]]
+        renamed = assign(seen, objects, *near(seen, objects, row[kept], of[kept]), pose)
+        return replace(found, new=np.setdiff1d(found.new, renamed.seen, assume_unique=True)), renamed
+
+    def _judge(
+        self,
+        frames: Frames,
+        seen: Sightings,
+        found: tuple[Assignment, Assignment],
+        looks: Looks,
+        *,
+        named: Bools,
+        floor_m: Floats,
+    ) -> Bools:
+        """Compare views with what is known; return which views' depth may be right. found: by name, and by place."""
+        objects, keys, count = self.objects, self.lifecycle.keys, len(frames)
+        looks = looks.taken(self._settled(looks.rows) & ~self.classes.moves[objects.cls[looks.rows]])
+        of = keys(looks.frame, looks.rows)
+        met, by_place = (np.isin(of, keys(seen.frame[each.seen], each.of)) for each in found)
+        by_name = named[looks.frame, objects.cls[looks.rows]]
+        expected, there = by_name | by_place | looks.past, met | by_place
+        strange = ~self.classes.moves[seen.classes] & (seen.depth < FARTHEST_M)
+        for each in found:
+            strange[each.seen[self._settled(each.of)]] = False
+        sane = self.offsets.judge(
             frames.robots,
-            np.bincount(expected.frame, minlength=count),
-            np.bincount(expected.frame[met], minlength=count),
+            np.bincount(looks.frame[expected], minlength=count),
+            np.bincount(looks.frame[there], minlength=count),
+            past=np.bincount(looks.frame[looks.past & ~there], minlength=count),
+            strange=np.bincount(seen.frame[strange], minlength=count),
+            floor_m=floor_m,
         )
-        self.classes.learn(objects.cls[expected.rows], expected.distance, met)
+        told = by_name & (self.offsets.doubted[frames.robots] == RIGHT)[looks.frame]
+        self.classes.learn(objects.cls[looks.rows[told]], looks.distance[told], met[told])
+        return sane
+
+    def _spared(self, frames: Frames, looks: Looks, sane: Bools) -> Bools:
+        """Return which looks remove nothing: of wrong depth, or of unsure robots at what another robot saw."""
+        seers, robots = self.objects.seers[looks.rows], frames.robots[looks.frame]
+        others = ((seers >= 0) & (self._robot_of[seers] != robots[:, np.newaxis])).any(axis=1)
+        return np.asarray(~sane[looks.frame] | (others & ~self.offsets.sure[robots]))
+
+    def _rename(self, frames: Frames, seen: Sightings, found: Assignment, since_ns: NDArray[np.int64]) -> None:
+        """Note that things are there that have another name; they take it if nobody calls them by theirs for long."""
+        objects, frame = self.objects, seen.frame[found.seen]
+        kept = (self.offsets.doubted[frames.robots[frame]] == RIGHT) & (objects.number[found.of] >= 0)
+        rows, frame, which = found.of[kept], frame[kept], found.seen[kept]
+        for each in frame.tolist():
+            self.left_out[frames.views[each].header.robot, OTHER_NAME] += 1
+        at_ns = frames.at_ns[frame]
+        np.maximum.at(objects.last_ns, rows, at_ns)
+        note_seers(objects, rows, frames.cameras[frame], at_ns)
+        late = at_ns - np.maximum(objects.series_ns[rows], since_ns[frame]) > NAMED_NS
+        objects.cls[rows[late]] = seen.classes[which[late]]
 
     def _trusted(
         self, frames: Frames, seen: Sightings, found: Assignment, looks: Looks, trusted: Bools

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 Rows = NDArray[np.intp]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Whole = NDArray[np.int64]
 
 NS: Final = 1e9
 
@@ -40,29 +41,50 @@ JUMP_M_S: Final = 4.0
 """Robots do not drive faster: a pose that does has jumped."""
 
 JUMP_M: Final = 0.5
-DOUBT_VIEWS: Final = 3
-"""Fewer than the looks past a well known object that let it be gone: a lost robot is doubted before."""
-
 TRUST_VIEWS: Final = 3
 ALONE_VIEWS: Final = 30
-"""Views that must fit until a robot is trusted again; after a jump to where nothing is known, so many."""
+"""Views that must fit until a robot is trusted again; after a jump to where nothing is known, so many.
+
+As many views that contradict let it be doubted as let it be trusted: fewer than the looks past a well known object that
+let it be gone, so that a lost robot is doubted before.
+"""
 
 FEWEST: Final = 3
-"""Objects expected in view, at least, for a view to tell whether its pose is right."""
+"""Objects expected in view for a view to tell all it can of whether its pose is right; fewer tell their share of it."""
+
+PER_OBJECT: Final = ALONE_VIEWS // FEWEST
+MOST_TRUST: Final = TRUST_VIEWS * ALONE_VIEWS
+FIRST_TRUST: Final = ALONE_VIEWS
+"""Trust in a robot of which nothing is known: three views that contradict use it up."""
 
 FOUND: Final = 0.34
-"""The share of them that must be found."""
+"""The share of them that must be found; and the share of missed ones as many of which, seen elsewhere, contradict."""
 
-RIGHT, LOST, JUMPED = 0, 1, 2
-REASONS: Final = ("", "its pose does not fit what was seen before", "its pose has jumped")
+EMPTY: Final = 0.5
+"""The share of missed ones that a view must look past to show an emptied place; others may be there, undetected."""
+
+DEEPER_M: Final = 0.5
+"""Floor that is seen deeper than any that was seen by views that fit, by so much, is no floor: depth is wrong."""
+
+CHANGED_VIEWS: Final = 1_000
+"""If so many views contradict, and none of any robot fits meanwhile, the site has changed and nobody is lost."""
+
+RIGHT, LOST, JUMPED, DEEP = 0, 1, 2, 3
+REASONS: Final = (
+    "",
+    "its pose does not fit what was seen before",
+    "its pose has jumped",
+    "its depth does not fit the floor",
+)
 _FIRST: Final = 16
 
 
 class Offsets:
     """The offsets of a site's robots: mean-reverting random walks, so that the map as a whole cannot drift away.
 
-    state: (robots, 3) x, y, yaw to add to poses. covariance: of it. doubted: RIGHT, LOST or JUMPED. views: how many of
-    each came. at_ns: when the last one was taken. position: (robots, 3) of the camera that took it.
+    state: (robots, 3) x, y, yaw to add to poses. covariance: of it. doubted: RIGHT, LOST, JUMPED or DEEP. sure: what
+    it saw fits, and did so lately. views: how many of each came. at_ns: when the last one was taken. position:
+    (robots, 3) of the camera that took it.
     """
 
     def __init__(self, usual: Localisation) -> None:
@@ -75,8 +97,11 @@ class Offsets:
         self.views = np.zeros(0, np.int64)
         self._passed = np.zeros(0)
         self._cameras = _LastPoses()
-        self._right = np.zeros(0, np.int64)
-        self._wrong = np.zeros(0, np.int64)
+        self.sure = np.zeros(0, np.bool_)
+        self._trust = np.zeros(0, np.int64)
+        self._gained_ns = np.zeros(0, np.int64)
+        self._contradicted = 0
+        self._floor_m = 0.0
 
     def reserve(self, count: int) -> None:
         """Make room for so many robots."""
@@ -88,8 +113,9 @@ class Offsets:
         self.covariance = np.concatenate([self.covariance, start])
         self.state, self.position = (np.concatenate([a, np.zeros((more, 3))]) for a in (self.state, self.position))
         self._passed = np.concatenate([self._passed, np.zeros(more)])
-        for name in ("at_ns", "doubted", "views", "_right", "_wrong"):
-            setattr(self, name, np.concatenate([getattr(self, name), np.zeros(more, np.int64)]))
+        self.sure = np.concatenate([self.sure, np.zeros(more, np.bool_)])
+        for name, first in (("at_ns", 0), ("doubted", 0), ("views", 0), ("_trust", FIRST_TRUST), ("_gained_ns", 0)):
+            setattr(self, name, np.concatenate([getattr(self, name), np.full(more, first, np.int64)]))
 
     def predict(self, robots: Rows, cameras: Rows, at_ns: NDArray[np.int64], position: Floats) -> None:
         """Go on to views' instants; position: of their cameras. A jump of the pose begins anew, in doubt."""
@@ -103,6 +129,8 @@ class Offsets:
         self.at_ns[robots] = np.maximum(at_ns, self.at_ns[robots])
         self.position[robots], self._passed[robots] = position, passed
         self.views[robots] += 1
+        unsure = robots[at_ns - self._gained_ns[robots] > self.usual.seconds * NS]
+        self.sure[unsure], self._trust[unsure] = False, np.minimum(self._trust[unsure], FIRST_TRUST)
 
     def pose_covariance(self, robots: Rows, away: Floats) -> Floats:
         """Return the covariance (n, 3; xx, xy, yy) that poses give places that are `away` (n, 2) from the cameras."""
@@ -136,33 +164,71 @@ class Offsets:
         self.state[which] -= np.einsum("rij,rj->ri", gain, seen)
         self.covariance[which] = (np.identity(3) - gain) @ before
 
-    def judge(self, robots: Rows, expected: NDArray[np.int64], found: NDArray[np.int64]) -> None:
-        """Doubt poses when views keep missing what is known, or find it elsewhere; trust them again when they fit."""
-        telling = expected >= FEWEST
-        fits = telling & (found >= FOUND * expected)
-        wrong = telling & ~fits
-        alone = (self.doubted[robots] == JUMPED) & (expected == 0)
-        gained = np.where(fits, ALONE_VIEWS, np.where(alone, TRUST_VIEWS, 0))
-        self._right[robots] = np.where(wrong, 0, self._right[robots] + gained)
-        self._wrong[robots] = np.where(wrong, self._wrong[robots] + 1, np.where(fits | alone, 0, self._wrong[robots]))
-        self.doubted[robots[self._right[robots] >= TRUST_VIEWS * ALONE_VIEWS]] = RIGHT
-        self._forget(robots[(self._wrong[robots] >= DOUBT_VIEWS) & (self.doubted[robots] == RIGHT)], LOST)
+    def judge(
+        self,
+        robots: Rows,
+        expected: Whole,
+        found: Whole,
+        *,
+        past: Whole | None = None,
+        strange: Whole | None = None,
+        floor_m: Floats | None = None,
+    ) -> Bools:
+        """Doubt poses when views contradict what is known; trust them again when they fit.
+
+        expected, found: how many known objects each view should show, and how many of them it shows. past: how many
+        it looks past. strange: how many things it shows that are not known. floor_m: how high the floor is that it
+        shows. Returns which views' depth may be right.
+        """
+        past, strange = (np.zeros_like(expected) if each is None else each for each in (past, strange))
+        floor_m = np.full(len(robots), np.inf) if floor_m is None else floor_m
+        missed, none, doubted = expected - found, expected == 0, self.doubted[robots]
+        fits = ~none & (found >= FOUND * expected)
+        deep = ~fits & (floor_m < self._floor_m - DEEPER_M)
+        floor = np.abs(floor_m - self._floor_m) < DEEPER_M
+        elsewhere = ~none & ~fits & ~deep & (strange >= FOUND * missed)
+        emptied = ~none & ~fits & ~deep & ~elsewhere & (past >= EMPTY * missed) & floor
+        astray = (doubted == LOST) | (doubted == JUMPED)
+        contradicts = elsewhere | (emptied & astray)  # those who may be anywhere look past all that is not there
+        self._contradicted += int(contradicts.sum())
+        changed = contradicts & (self._contradicted >= CHANGED_VIEWS)
+        wrong = (elsewhere & ~changed) | (deep & ~none)
+        alone = none & ((doubted == JUMPED) | ((doubted == DEEP) & floor))
+        told = np.where(self.sure[robots], np.where(deep, FEWEST, np.minimum(missed, FEWEST)), 1)
+        gained = np.where(fits, np.minimum(expected, FEWEST) * PER_OBJECT, 0)
+        gained += np.where((emptied & ~astray) | changed | alone, TRUST_VIEWS, 0)
+        gained -= np.where(wrong, told * PER_OBJECT, 0)
+        trust = np.clip(self._trust[robots] + gained, 0, MOST_TRUST)
+        self._trust[robots] = np.where(wrong & (doubted != RIGHT), 0, trust)
+        self._gained_ns[robots[gained > 0]] = self.at_ns[robots[gained > 0]]
+        full = (trust >= MOST_TRUST) & (gained > 0)
+        self.doubted[robots[full]], self.sure[robots[full]] = RIGHT, True
+        if (full & fits).any():
+            self._contradicted = 0
+        self._floor_m = float(floor_m[full & fits].min(initial=self._floor_m))
+        lost = wrong & (doubted == RIGHT) & (trust == 0)
+        self._forget(robots[lost & ~deep], LOST)
+        self._forget(robots[lost & deep], DEEP)
+        return np.asarray(~deep)
 
     def forget(self, robots: Rows, cameras: Rows) -> None:
         """Begin anew with robots and cameras whose numbers are for others from now on."""
         self._forget(robots, RIGHT)
+        self._gained_ns[robots] = 0
         self.at_ns[robots], self.views[robots], self._passed[robots] = 0, 0, 0.0
         self._cameras.forget(cameras)
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now: the clock was set back."""
         np.minimum(self.at_ns, now_ns, out=self.at_ns)
+        np.minimum(self._gained_ns, now_ns, out=self._gained_ns)
         self._cameras.set_back(now_ns)
 
     def _forget(self, robots: Rows, why: int) -> None:
         self.state[robots] = 0.0
         self.covariance[robots] = np.diag(self.usual.variance)
-        self.doubted[robots], self._right[robots], self._wrong[robots] = why, 0, 0
+        self.doubted[robots], self.sure[robots] = why, False
+        self._trust[robots] = FIRST_TRUST if why == RIGHT else 0
 
 
 class _LastPoses:

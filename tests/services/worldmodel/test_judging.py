@@ -1,0 +1,257 @@
+"""Which robots are doubted, and what they may remove: the lost, those without depth, those with other class names."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import msgspec
+import numpy as np
+import pytest
+
+from schemas.distances import CameraView
+from services.worldmodel import model as model_module
+from services.worldmodel import offsets as offsets_module
+from services.worldmodel.evidence import MOST_MODELS
+from services.worldmodel.model import SiteModel
+from services.worldmodel.offsets import ALONE_VIEWS, CHANGED_VIEWS, DEEP, LOST, REASONS, RIGHT
+from services.worldmodel.published_objects import Inventory
+from services.worldmodel.state import restored, saved
+from tests.services.worldmodel.scene import NS, Camera, Thing, known, moved, view, watch
+
+FOUR = [Thing(3.0, -0.8), Thing(2.9, 0.9), Thing(3.2, 0.1), Thing(5.2, 1.6)]
+TWO = [Thing(3.5, 0.6), Thing(4.2, -0.7)]
+KNOWN_S = 11.0
+"""When the first robot has seen all of a scene for twenty views."""
+
+
+def knowing(things: Sequence[Thing], robots: Sequence[str] = ("r1",)) -> SiteModel:
+    model = SiteModel()
+    watch(model, things, [Camera(robot=each) for each in robots], 1.0, 20)
+    assert len(known(model)) == len(things)
+    return model
+
+
+def look_on(
+    model: SiteModel,
+    things: Sequence[Thing],
+    camera: Camera,
+    count: int,
+    change: Callable[[CameraView], CameraView] = lambda each: each,
+    *,
+    start_s: float = KNOWN_S,
+) -> list[str]:
+    """Let a model take in what a camera sees twice a second, changed somehow; return the kinds of changes."""
+    first, kinds = change(view(things, camera, start_s)), []
+    for step in range(count):
+        at_ns = round((start_s + step / 2) * NS)
+        header = msgspec.structs.replace(first.header, stamp_ns=at_ns, received_ns=at_ns)
+        kinds += [event.kind.value for event in model.take(msgspec.structs.replace(first, header=header), at_ns)]
+    return kinds
+
+
+def doubted(model: SiteModel, robot: str) -> int:
+    return int(model.offsets.doubted[model.robots.number(robot)])
+
+
+def are_at(found: Sequence[Thing], things: Sequence[Thing]) -> bool:
+    """Return whether each of some things is found once, within 0.25 m."""
+    places = np.array([(each.x, each.y) for each in things])
+    near = [np.flatnonzero(np.hypot(*(places - (each.x, each.y)).T) < 0.25).tolist() for each in found]
+    return sorted(near) == [[number] for number in range(len(things))]
+
+
+def with_model(seen: CameraView, model: str) -> CameraView:
+    return msgspec.structs.replace(seen, model=model)
+
+
+def without_depth(seen: CameraView) -> CameraView:
+    """Return a view of a camera whose depth is 9.9 m everywhere, and so shows nothing."""
+    assert seen.grid is not None
+    far = memoryview(np.full(seen.grid.rows * seen.grid.columns, 9_900, "<u2").tobytes())
+    return msgspec.structs.replace(
+        seen, objects=[], grid=msgspec.structs.replace(seen.grid, near_mm=far, far_mm=far), unmeasured={}
+    )
+
+
+@pytest.mark.parametrize(
+    "off",
+    [(0.0, 0.9, 0.4), (0.0, 1.5, 0.0), (0.0, -1.5, 0.0), (1.5, 0.0, 0.0), (-1.5, 0.0, 0.0), (0.0, 0.0, 0.4)],
+    ids=str,
+)
+def test_a_lost_robot_spoils_nothing_where_little_is_known(off: tuple[float, float, float]) -> None:
+    model = knowing(TWO)
+    before = known(model)
+    assert look_on(model, TWO, Camera(robot="r2", off=off), 40) == []
+    assert doubted(model, "r2") == LOST
+    assert known(model) == before
+    assert model.left_out["r2", model_module.DOUBTED] > 0
+
+
+def test_a_lost_robot_spoils_nothing_that_others_see_at_that_time() -> None:
+    model = knowing(TWO)
+    assert watch(model, TWO, [Camera(), Camera(robot="r2", off=(0.0, 1.5, 0.0))], KNOWN_S, 40) == []
+    assert len(known(model)) == len(TWO)
+    assert (doubted(model, "r1"), doubted(model, "r2")) == (RIGHT, LOST)
+
+
+def test_a_lost_robot_that_sees_nothing_any_more_removes_nothing() -> None:
+    model = knowing(TWO)
+    before = known(model)
+    look_on(model, TWO, Camera(robot="r2", off=(0.0, 1.5, 0.0)), 3)
+    assert look_on(model, [], Camera(robot="r2"), 2 * ALONE_VIEWS, start_s=KNOWN_S + 2) == []
+    assert (doubted(model, "r2"), known(model)) == (LOST, before)
+
+
+def test_a_lost_robot_is_trusted_again_when_what_little_it_sees_fits() -> None:
+    model = knowing(TWO)
+    lost = Camera(robot="r2", off=(0.0, 0.9, 0.4))
+    look_on(model, TWO, lost, 6)
+    look_on(model, TWO, replace(lost, off=(0.0, 0.0, 0.0)), 4, start_s=16.0)
+    assert doubted(model, "r2") == LOST
+    look_on(model, TWO, replace(lost, off=(0.0, 0.0, 0.0)), 1, start_s=18.0)
+    assert doubted(model, "r2") == RIGHT
+
+
+def test_all_that_is_taken_away_at_once_is_gone() -> None:
+    model = knowing(FOUR)
+    assert look_on(model, [], Camera(), 5) == ["gone"] * len(FOUR)
+    assert known(model) == []
+    assert doubted(model, "r1") == RIGHT
+
+
+def test_what_another_robot_saw_is_gone_when_one_that_fits_or_looks_for_long_sees_past_it() -> None:
+    model = knowing(FOUR)
+    other = Camera(robot="r2")
+    assert look_on(model, [], other, ALONE_VIEWS // 2) == []
+    assert look_on(model, [], other, ALONE_VIEWS // 2, start_s=20.0) == ["gone"] * len(FOUR)
+    model = knowing(FOUR)
+    assert look_on(model, FOUR, other, 3) == []
+    assert look_on(model, [], other, 3, start_s=13.0) == ["gone"] * len(FOUR)
+
+
+def test_one_that_fitted_long_ago_is_as_unsure_as_one_that_never_did() -> None:
+    model = knowing(FOUR, ("r1", "r2"))
+    assert look_on(model, [], Camera(robot="r2"), 6, start_s=60.0) == []
+    assert look_on(model, [], Camera(robot="r2"), 40, start_s=63.0) == ["gone"] * len(FOUR)
+
+
+def test_some_that_are_moved_together_are_moved_for_one_that_has_just_fitted() -> None:
+    model = knowing(TWO)
+    elsewhere = [moved(each, 0.0, 1.3) for each in TWO]
+    look_on(model, elsewhere, Camera(), 10)
+    assert are_at(known(model), elsewhere)
+    assert doubted(model, "r1") == RIGHT
+
+
+@pytest.mark.parametrize("robot", ["r1", "r2"])
+def test_a_robot_with_broken_depth_removes_nothing(robot: str) -> None:
+    model = knowing(TWO)
+    before = known(model)
+    assert look_on(model, TWO, Camera(robot=robot), 60, without_depth) == []
+    assert known(model) == before
+    assert REASONS[doubted(model, robot)] == "its depth does not fit the floor"
+    assert look_on(model, TWO, Camera(robot=robot), 5, start_s=42.0) == []
+    assert doubted(model, robot) == RIGHT
+
+
+def test_a_robot_with_broken_depth_is_trusted_late_where_nothing_is_known() -> None:
+    model = knowing(TWO)
+    look_on(model, TWO, Camera(), 3, without_depth)
+    assert doubted(model, "r1") == DEEP
+    away = Camera(yaw=np.pi)
+    look_on(model, [], away, ALONE_VIEWS, without_depth, start_s=13.0)
+    assert doubted(model, "r1") == DEEP
+    look_on(model, [], away, ALONE_VIEWS, start_s=30.0)
+    assert doubted(model, "r1") == RIGHT
+
+
+def test_a_floor_that_is_below_the_maps_zero_is_one() -> None:
+    def lower(seen: CameraView) -> CameraView:
+        assert seen.position is not None
+        x, y, z = seen.position
+        objects = [
+            msgspec.structs.replace(
+                each, at=(each.at[0], each.at[1], each.at[2] - 1.5), low_m=each.low_m - 1.5, high_m=each.high_m - 1.5
+            )
+            for each in seen.objects
+        ]
+        return msgspec.structs.replace(seen, position=(x, y, z - 1.5), objects=objects)
+
+    model = SiteModel()
+    look_on(model, FOUR, Camera(), 20, lower, start_s=1.0)
+    assert len(known(model)) == len(FOUR)
+    assert look_on(model, [], Camera(), 6, lower) == ["gone"] * len(FOUR)
+
+
+@pytest.mark.parametrize("robot", ["r1", "r2"])
+def test_things_that_another_model_names_otherwise_stay_and_take_its_name_late(robot: str) -> None:
+    model = knowing(FOUR)
+    cartons = [replace(each, name="carton") for each in FOUR]
+    numbers = model.objects.number[model.objects.told_to_others()].tolist()
+    other = partial(with_model, model="other")
+    assert look_on(model, cartons, Camera(robot=robot), 100, other) == []
+    assert doubted(model, robot) == RIGHT
+    assert model.left_out[robot, model_module.OTHER_NAME] == 100 * len(FOUR)
+    assert [each.name for each in known(model)] == ["box"] * len(FOUR)
+    rows = model.objects.told_to_others()
+    assert (model.objects.last_ns[rows] == round((KNOWN_S + 49.5) * NS)).all()
+    assert look_on(model, cartons, Camera(robot=robot), 40, other, start_s=KNOWN_S + 50) == []
+    assert [each.name for each in known(model)] == ["carton"] * len(FOUR)
+    assert model.objects.number[model.objects.told_to_others()].tolist() == numbers
+    assert are_at(known(model), FOUR)
+
+
+def test_things_that_another_model_names_otherwise_keep_their_names_while_one_robot_uses_these() -> None:
+    model = knowing(FOUR)
+    cartons = [replace(each, name="carton") for each in FOUR]
+    for step in range(70):
+        at_ns = round((KNOWN_S + step) * NS)
+        second = with_model(view(cartons, Camera(robot="r2"), KNOWN_S + step), "other")
+        assert model.take_all([(view(FOUR, Camera(), KNOWN_S + step), at_ns), (second, at_ns)]) == []
+    assert [each.name for each in known(model)] == ["box"] * len(FOUR)
+
+
+def test_another_model_that_names_nothing_does_not_miss_and_yet_looks_past() -> None:
+    model = knowing(FOUR)
+    other = partial(with_model, model="other")
+
+    def blind(seen: CameraView) -> CameraView:
+        return msgspec.structs.replace(other(seen), objects=[])
+
+    before = model.objects.looks.copy()
+    assert look_on(model, FOUR, Camera(), 40, blind) == []
+    assert (model.objects.looks == before).all()
+    assert doubted(model, "r1") == RIGHT
+    look_on(model, FOUR, Camera(), 3, start_s=32.0)
+    assert look_on(model, [], Camera(), 5, other, start_s=34.0) == ["gone"] * len(FOUR)
+
+
+def test_after_a_restart_things_take_the_names_of_another_model_too() -> None:
+    before = knowing(FOUR)
+    model = SiteModel()
+    restored("hall", saved("hall", "a", 0, before), model)
+    cartons = [replace(each, name="carton") for each in FOUR]
+    assert look_on(model, cartons, Camera(), 140, partial(with_model, model="other")) == []
+    assert [each.name for each in known(model)] == ["carton"] * len(FOUR)
+    assert [each.doubted for each in Inventory("hall", "a", model).robots()] == [""]
+
+
+def test_invented_models_are_bounded() -> None:
+    model = knowing(TWO)
+    seen = view(TWO, Camera(), KNOWN_S)
+    for number in range(2 * MOST_MODELS):
+        model.take(with_model(seen, f"m{number}"), round((KNOWN_S + number / 100) * NS))
+    assert len(model._vocabulary._numbers) <= MOST_MODELS
+    assert len(known(model)) == len(TWO)
+
+
+def test_a_site_in_which_no_robot_fits_any_more_has_changed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(offsets_module, "CHANGED_VIEWS", CHANGED_VIEWS // 10)
+    model = knowing(FOUR)
+    elsewhere = [moved(each, 0.7, -1.0) for each in FOUR]
+    look_on(model, elsewhere, Camera(), CHANGED_VIEWS // 10, start_s=16.0)
+    assert doubted(model, "r1") == LOST
+    assert len(known(model)) == len(FOUR)
+    look_on(model, elsewhere, Camera(), 50, start_s=70.0)
+    assert doubted(model, "r1") == RIGHT
+    assert are_at(known(model), elsewhere)
