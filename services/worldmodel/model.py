@@ -252,7 +252,7 @@ class SiteModel:
             frames.robots,
             np.bincount(looks.frame[expected], minlength=count),
             np.bincount(looks.frame[there], minlength=count),
-            past=np.bincount(looks.frame[looks.past & ~there], minlength=count),
+            looked_past=np.bincount(looks.frame[looks.past & ~there], minlength=count),
             strange=np.bincount(seen.frame[strange], minlength=count),
             floor_m=floor_m,
         )

@@ -50,12 +50,17 @@ let it be gone, so that a lost robot is doubted before.
 """
 
 FEWEST: Final = 3
-"""Objects expected in view for a view to tell all it can of whether its pose is right; fewer tell their share of it."""
+"""Objects that a view finds, or misses, count up to so many."""
 
 PER_OBJECT: Final = ALONE_VIEWS // FEWEST
 MOST_TRUST: Final = TRUST_VIEWS * ALONE_VIEWS
 FIRST_TRUST: Final = ALONE_VIEWS
-"""Trust in a robot of which nothing is known: three views that contradict use it up."""
+"""Trust in a robot of which nothing is known, or that did not fit lately."""
+
+PER_STRANGE: Final = 5
+MOST_STRANGE: Final = 2
+"""What each thing that such a robot sees elsewhere costs it, and how many count in a view: three views of two things
+use its trust up, before these are confirmed. A single one does not: it may be new, and is known soon."""
 
 FOUND: Final = 0.34
 """The share of them that must be found; and the share of missed ones as many of which, seen elsewhere, contradict."""
@@ -100,6 +105,8 @@ class Offsets:
         self.sure = np.zeros(0, np.bool_)
         self._trust = np.zeros(0, np.int64)
         self._gained_ns = np.zeros(0, np.int64)
+        self._wrong_ns = np.zeros(0, np.int64)
+        self._interval_ns = np.zeros(0, np.int64)
         self._contradicted = 0
         self._floor_m = 0.0
 
@@ -114,14 +121,16 @@ class Offsets:
         self.state, self.position = (np.concatenate([a, np.zeros((more, 3))]) for a in (self.state, self.position))
         self._passed = np.concatenate([self._passed, np.zeros(more)])
         self.sure = np.concatenate([self.sure, np.zeros(more, np.bool_)])
-        for name, first in (("at_ns", 0), ("doubted", 0), ("views", 0), ("_trust", FIRST_TRUST), ("_gained_ns", 0)):
-            setattr(self, name, np.concatenate([getattr(self, name), np.full(more, first, np.int64)]))
+        for name in ("at_ns", "doubted", "views", "_gained_ns", "_wrong_ns", "_interval_ns"):
+            setattr(self, name, np.concatenate([getattr(self, name), np.zeros(more, np.int64)]))
+        self._trust = np.concatenate([self._trust, np.full(more, FIRST_TRUST)])
 
     def predict(self, robots: Rows, cameras: Rows, at_ns: NDArray[np.int64], position: Floats) -> None:
         """Go on to views' instants; position: of their cameras. A jump of the pose begins anew, in doubt."""
         known = self.at_ns[robots] > 0
         passed = np.where(known, np.maximum(at_ns - self.at_ns[robots], 0) / NS, 0.0)
-        self._forget(robots[self._cameras.have_jumped(cameras, at_ns, position)], JUMPED)
+        jumped, self._interval_ns[robots] = self._cameras.move(cameras, at_ns, position)
+        self._forget(robots[jumped], JUMPED)
         keep = np.exp(-passed / self.usual.seconds)
         self.state[robots] *= keep[:, np.newaxis]
         fresh = np.diag(self.usual.variance) * (1 - keep**2)[:, np.newaxis, np.newaxis]
@@ -170,34 +179,41 @@ class Offsets:
         expected: Whole,
         found: Whole,
         *,
-        past: Whole | None = None,
+        looked_past: Whole | None = None,
         strange: Whole | None = None,
         floor_m: Floats | None = None,
     ) -> Bools:
         """Doubt poses when views contradict what is known; trust them again when they fit.
 
-        expected, found: how many known objects each view should show, and how many of them it shows. past: how many
-        it looks past. strange: how many things it shows that are not known. floor_m: how high the floor is that it
+        expected, found: how many known objects each view should show, and how many of them it shows. looked_past: how
+        many it looks past. strange: how many things it shows that are not known. floor_m: how high the floor is that it
         shows. Returns which views' depth may be right.
         """
-        past, strange = (np.zeros_like(expected) if each is None else each for each in (past, strange))
+        looked_past, strange = (np.zeros_like(expected) if each is None else each for each in (looked_past, strange))
         floor_m = np.full(len(robots), np.inf) if floor_m is None else floor_m
-        missed, none, doubted = expected - found, expected == 0, self.doubted[robots]
-        fits = ~none & (found >= FOUND * expected)
+        missed, doubted, sure = expected - found, self.doubted[robots], self.sure[robots]
+        nothing_expected = expected == 0
+        fits = ~nothing_expected & (found >= FOUND * expected)
         deep = ~fits & (floor_m < self._floor_m - DEEPER_M)
         floor = np.abs(floor_m - self._floor_m) < DEEPER_M
-        elsewhere = ~none & ~fits & ~deep & (strange >= FOUND * missed)
-        emptied = ~none & ~fits & ~deep & ~elsewhere & (past >= EMPTY * missed) & floor
+        unlike = ~nothing_expected & ~fits & ~deep
+        telling = (looked_past > 0) | (missed > 1)  # the detector may miss one that is there
+        elsewhere = unlike & telling & (strange >= FOUND * missed)
+        emptied = unlike & ~elsewhere & (looked_past >= EMPTY * missed) & floor
         astray = (doubted == LOST) | (doubted == JUMPED)
+        wrong = elsewhere | (deep & ~nothing_expected)
+        counts = self._counts(robots, wrong)
         contradicts = elsewhere | (emptied & astray)  # those who may be anywhere look past all that is not there
         self._contradicted += int(contradicts.sum())
         changed = contradicts & (self._contradicted >= CHANGED_VIEWS)
-        wrong = (elsewhere & ~changed) | (deep & ~none)
-        alone = none & ((doubted == JUMPED) | ((doubted == DEEP) & floor))
-        told = np.where(self.sure[robots], np.where(deep, FEWEST, np.minimum(missed, FEWEST)), 1)
+        wrong &= ~changed
+        weight = np.where(deep, FEWEST, np.minimum(missed, FEWEST))
+        others = np.where(deep, MOST_STRANGE, np.minimum(strange, MOST_STRANGE))
+        cost = np.where(sure, weight * PER_OBJECT, others * PER_STRANGE)
+        alone = nothing_expected & ((doubted == JUMPED) | ((doubted == DEEP) & floor))
         gained = np.where(fits, np.minimum(expected, FEWEST) * PER_OBJECT, 0)
         gained += np.where((emptied & ~astray) | changed | alone, TRUST_VIEWS, 0)
-        gained -= np.where(wrong, told * PER_OBJECT, 0)
+        gained -= np.where(wrong & counts, cost, 0)
         trust = np.clip(self._trust[robots] + gained, 0, MOST_TRUST)
         self._trust[robots] = np.where(wrong & (doubted != RIGHT), 0, trust)
         self._gained_ns[robots[gained > 0]] = self.at_ns[robots[gained > 0]]
@@ -211,17 +227,25 @@ class Offsets:
         self._forget(robots[lost & deep], DEEP)
         return np.asarray(~deep)
 
+    def _counts(self, robots: Rows, wrong: Bools) -> Bools:
+        """Return which of the wrong views count: of the cameras of a robot that look at one time, the first one's."""
+        passed = self.at_ns[robots] - self._wrong_ns[robots]
+        counts = wrong & (2 * passed >= self._interval_ns[robots])
+        self._wrong_ns[robots[counts]] = self.at_ns[robots[counts]]
+        return counts
+
     def forget(self, robots: Rows, cameras: Rows) -> None:
         """Begin anew with robots and cameras whose numbers are for others from now on."""
         self._forget(robots, RIGHT)
-        self._gained_ns[robots] = 0
+        self._gained_ns[robots], self._wrong_ns[robots] = 0, 0
         self.at_ns[robots], self.views[robots], self._passed[robots] = 0, 0, 0.0
         self._cameras.forget(cameras)
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now: the clock was set back."""
         np.minimum(self.at_ns, now_ns, out=self.at_ns)
-        np.minimum(self._gained_ns, now_ns, out=self._gained_ns)
+        for times in (self._gained_ns, self._wrong_ns):
+            np.minimum(times, now_ns, out=times)
         self._cameras.set_back(now_ns)
 
     def _forget(self, robots: Rows, why: int) -> None:
@@ -246,17 +270,17 @@ class _LastPoses:
         """Cap all times at now."""
         np.minimum(self._at_ns, now_ns, out=self._at_ns)
 
-    def have_jumped(self, cameras: Rows, at_ns: NDArray[np.int64], position: Floats) -> Bools:
-        """Return which cameras moved faster than robots do; they are where they are from now on."""
+    def move(self, cameras: Rows, at_ns: NDArray[np.int64], position: Floats) -> tuple[Bools, NDArray[np.int64]]:
+        """Return which cameras moved faster than robots do, and how long ago their last views were, in nanoseconds."""
         more = int(cameras.max(initial=-1)) + 1 - len(self._at_ns)
         if more > 0:
             self._at_ns = np.concatenate([self._at_ns, np.zeros(more + _FIRST, np.int64)])
             self._position = np.concatenate([self._position, np.zeros((more + _FIRST, 3))])
         before = self._at_ns[cameras]
-        passed = np.maximum(at_ns - before, 0) / NS
+        passed_ns = np.maximum(at_ns - before, 0)
         moved = np.hypot(*(position - self._position[cameras])[:, :2].T)
         self._at_ns[cameras], self._position[cameras] = at_ns, position
-        return np.asarray((before > 0) & (moved > JUMP_M + JUMP_M_S * passed))
+        return (before > 0) & (moved > JUMP_M + JUMP_M_S * passed_ns / NS), passed_ns
 
 
 def _sums(group: Rows, count: int, away: Floats, moved: Floats, covariance: Floats) -> tuple[Floats, Floats]:

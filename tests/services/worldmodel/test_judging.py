@@ -112,6 +112,33 @@ def test_a_lost_robot_is_trusted_again_when_what_little_it_sees_fits() -> None:
     assert doubted(model, "r2") == RIGHT
 
 
+@pytest.mark.parametrize("start_s", [KNOWN_S, 60.0])
+@pytest.mark.parametrize("robot", ["r1", "r2"])
+def test_a_robot_just_started_is_not_lost_where_its_detector_misses_one_thing_and_another_is_new(
+    robot: str, start_s: float
+) -> None:
+    model = knowing(TWO[:1])
+    camera, new = Camera(robot=robot), Thing(3.2, -0.6)
+    for step in range(60):
+        at_s = start_s + step / 2
+        model.take(view([*TWO[:1], new], camera, at_s, blind_to=[0]), round(at_s * NS))
+        assert doubted(model, robot) == RIGHT, step
+    assert are_at(known(model), [new, *TWO[:1]])
+
+
+def test_things_that_cameras_of_a_robot_just_started_see_together_count_as_what_one_sees() -> None:
+    turns = [number * np.pi / 2 for number in range(4)]
+    things = [Thing(3.5 * float(np.cos(each)), 3.5 * float(np.sin(each))) for each in turns]
+    others = [Thing(each.x - 0.35 * each.y, each.y + 0.35 * each.x) for each in things]
+    model = SiteModel()
+    watch(model, things, [Camera(yaw=each, name=f"c{each}") for each in turns], 1.0, 20)
+    assert len(known(model)) == len(things)
+    cameras = [Camera(robot="r2", yaw=each, name=f"c{each}") for each in turns]
+    for step in range(40):
+        watch(model, others, cameras, KNOWN_S + step / 2, 1)
+        assert doubted(model, "r2") == RIGHT, step
+
+
 def test_all_that_is_taken_away_at_once_is_gone() -> None:
     model = knowing(FOUR)
     assert look_on(model, [], Camera(), 5) == ["gone"] * len(FOUR)
