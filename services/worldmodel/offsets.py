@@ -6,6 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from services.worldmodel.evidence import FloorLevels
+
 Rows = NDArray[np.intp]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -68,13 +70,10 @@ FOUND: Final = 0.34
 EMPTY: Final = 0.5
 """The share of missed ones that a view must look past to show an emptied place; others may be there, undetected."""
 
-DEEPER_M: Final = 0.5
-"""Floor that is seen deeper than any that was seen by views that fit, by so much, is no floor: depth is wrong."""
-
 CHANGED_VIEWS: Final = 1_000
 """If so many views contradict, and none of any robot fits meanwhile, the site has changed and nobody is lost."""
 
-RIGHT, LOST, JUMPED, DEEP = 0, 1, 2, 3
+RIGHT, LOST, JUMPED, WRONG_DEPTH = 0, 1, 2, 3
 REASONS: Final = (
     "",
     "its pose does not fit what was seen before",
@@ -87,9 +86,9 @@ _FIRST: Final = 16
 class Offsets:
     """The offsets of a site's robots: mean-reverting random walks, so that the map as a whole cannot drift away.
 
-    state: (robots, 3) x, y, yaw to add to poses. covariance: of it. doubted: RIGHT, LOST, JUMPED or DEEP. sure: what
+    state: (robots, 3) x, y, yaw to add to poses. covariance: of it. doubted: RIGHT, LOST, JUMPED or WRONG_DEPTH. sure: what
     it saw fits, and did so lately. views: how many of each came. at_ns: when the last one was taken. position:
-    (robots, 3) of the camera that took it.
+    (robots, 3) of the camera that took it. floors: how high the floor is that the cameras show.
     """
 
     def __init__(self, usual: Localisation) -> None:
@@ -108,7 +107,8 @@ class Offsets:
         self._wrong_ns = np.zeros(0, np.int64)
         self._interval_ns = np.zeros(0, np.int64)
         self._contradicted = 0
-        self._floor_m = 0.0
+        self.floors = FloorLevels()
+        self._camera = np.zeros(0, np.intp)
 
     def reserve(self, count: int) -> None:
         """Make room for so many robots."""
@@ -121,7 +121,7 @@ class Offsets:
         self.state, self.position = (np.concatenate([a, np.zeros((more, 3))]) for a in (self.state, self.position))
         self._passed = np.concatenate([self._passed, np.zeros(more)])
         self.sure = np.concatenate([self.sure, np.zeros(more, np.bool_)])
-        for name in ("at_ns", "doubted", "views", "_gained_ns", "_wrong_ns", "_interval_ns"):
+        for name in ("at_ns", "doubted", "views", "_gained_ns", "_wrong_ns", "_interval_ns", "_camera"):
             setattr(self, name, np.concatenate([getattr(self, name), np.zeros(more, np.int64)]))
         self._trust = np.concatenate([self._trust, np.full(more, FIRST_TRUST)])
 
@@ -130,6 +130,7 @@ class Offsets:
         known = self.at_ns[robots] > 0
         passed = np.where(known, np.maximum(at_ns - self.at_ns[robots], 0) / NS, 0.0)
         jumped, self._interval_ns[robots] = self._cameras.move(cameras, at_ns, position)
+        self._camera[robots] = cameras
         self._forget(robots[jumped], JUMPED)
         keep = np.exp(-passed / self.usual.seconds)
         self.state[robots] *= keep[:, np.newaxis]
@@ -194,8 +195,8 @@ class Offsets:
         missed, doubted, sure = expected - found, self.doubted[robots], self.sure[robots]
         nothing_expected = expected == 0
         fits = ~nothing_expected & (found >= FOUND * expected)
-        deep = ~fits & (floor_m < self._floor_m - DEEPER_M)
-        floor = np.abs(floor_m - self._floor_m) < DEEPER_M
+        floor, deep = self.floors.compare(self._camera[robots], floor_m)
+        deep &= ~fits
         unlike = ~nothing_expected & ~fits & ~deep
         telling = (looked_past > 0) | (missed > 1)  # the detector may miss one that is there
         elsewhere = unlike & telling & (strange >= FOUND * missed)
@@ -210,7 +211,7 @@ class Offsets:
         weight = np.where(deep, FEWEST, np.minimum(missed, FEWEST))
         others = np.where(deep, MOST_STRANGE, np.minimum(strange, MOST_STRANGE))
         cost = np.where(sure, weight * PER_OBJECT, others * PER_STRANGE)
-        alone = nothing_expected & ((doubted == JUMPED) | ((doubted == DEEP) & floor))
+        alone = nothing_expected & ((doubted == JUMPED) | ((doubted == WRONG_DEPTH) & floor))
         gained = np.where(fits, np.minimum(expected, FEWEST) * PER_OBJECT, 0)
         gained += np.where((emptied & ~astray) | changed | alone, TRUST_VIEWS, 0)
         gained -= np.where(wrong & counts, cost, 0)
@@ -221,10 +222,10 @@ class Offsets:
         self.doubted[robots[full]], self.sure[robots[full]] = RIGHT, True
         if (full & fits).any():
             self._contradicted = 0
-        self._floor_m = float(floor_m[full & fits].min(initial=self._floor_m))
+        self.floors.learn(self._camera[robots[full & fits]], floor_m[full & fits])
         lost = wrong & (doubted == RIGHT) & (trust == 0)
         self._forget(robots[lost & ~deep], LOST)
-        self._forget(robots[lost & deep], DEEP)
+        self._forget(robots[lost & deep], WRONG_DEPTH)
         return np.asarray(~deep)
 
     def _counts(self, robots: Rows, wrong: Bools) -> Bools:
@@ -240,6 +241,7 @@ class Offsets:
         self._gained_ns[robots], self._wrong_ns[robots] = 0, 0
         self.at_ns[robots], self.views[robots], self._passed[robots] = 0, 0, 0.0
         self._cameras.forget(cameras)
+        self.floors.forget(cameras)
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now: the clock was set back."""

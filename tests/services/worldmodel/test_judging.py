@@ -11,9 +11,9 @@ import pytest
 from schemas.distances import CameraView
 from services.worldmodel import model as model_module
 from services.worldmodel import offsets as offsets_module
-from services.worldmodel.evidence import MOST_MODELS
+from services.worldmodel.evidence import MOST_MODELS, FloorLevels
 from services.worldmodel.model import SiteModel
-from services.worldmodel.offsets import ALONE_VIEWS, CHANGED_VIEWS, DEEP, LOST, REASONS, RIGHT
+from services.worldmodel.offsets import ALONE_VIEWS, CHANGED_VIEWS, LOST, REASONS, RIGHT, WRONG_DEPTH
 from services.worldmodel.published_objects import Inventory
 from services.worldmodel.state import restored, saved
 from tests.services.worldmodel.scene import NS, Camera, Thing, known, moved, view, watch
@@ -71,6 +71,31 @@ def without_depth(seen: CameraView) -> CameraView:
     return msgspec.structs.replace(
         seen, objects=[], grid=msgspec.structs.replace(seen.grid, near_mm=far, far_mm=far), unmeasured={}
     )
+
+
+def higher(seen: CameraView, by_m: float) -> CameraView:
+    """Return a view in a map whose zero is lower by so much."""
+    assert seen.position is not None
+    x, y, z = seen.position
+    objects = [
+        msgspec.structs.replace(
+            each, at=(each.at[0], each.at[1], each.at[2] + by_m), low_m=each.low_m + by_m, high_m=each.high_m + by_m
+        )
+        for each in seen.objects
+    ]
+    return msgspec.structs.replace(seen, position=(x, y, z + by_m), objects=objects)
+
+
+def with_low_part(seen: CameraView, depth_mm: int) -> CameraView:
+    """Return a view whose lower third is so far away."""
+    assert seen.grid is not None
+    grid = seen.grid
+    changed = []
+    for each in (grid.near_mm, grid.far_mm):
+        cells = np.frombuffer(each, "<u2").reshape(grid.rows, grid.columns).copy()
+        cells[2 * grid.rows // 3 :] = depth_mm
+        changed.append(memoryview(cells.tobytes()))
+    return msgspec.structs.replace(seen, grid=msgspec.structs.replace(grid, near_mm=changed[0], far_mm=changed[1]))
 
 
 @pytest.mark.parametrize(
@@ -184,30 +209,65 @@ def test_a_robot_with_broken_depth_removes_nothing(robot: str) -> None:
 def test_a_robot_with_broken_depth_is_trusted_late_where_nothing_is_known() -> None:
     model = knowing(TWO)
     look_on(model, TWO, Camera(), 3, without_depth)
-    assert doubted(model, "r1") == DEEP
+    assert doubted(model, "r1") == WRONG_DEPTH
     away = Camera(yaw=np.pi)
     look_on(model, [], away, ALONE_VIEWS, without_depth, start_s=13.0)
-    assert doubted(model, "r1") == DEEP
+    assert doubted(model, "r1") == WRONG_DEPTH
     look_on(model, [], away, ALONE_VIEWS, start_s=30.0)
     assert doubted(model, "r1") == RIGHT
 
 
 def test_a_floor_that_is_below_the_maps_zero_is_one() -> None:
-    def lower(seen: CameraView) -> CameraView:
-        assert seen.position is not None
-        x, y, z = seen.position
-        objects = [
-            msgspec.structs.replace(
-                each, at=(each.at[0], each.at[1], each.at[2] - 1.5), low_m=each.low_m - 1.5, high_m=each.high_m - 1.5
-            )
-            for each in seen.objects
-        ]
-        return msgspec.structs.replace(seen, position=(x, y, z - 1.5), objects=objects)
-
     model = SiteModel()
-    look_on(model, FOUR, Camera(), 20, lower, start_s=1.0)
+    look_on(model, FOUR, Camera(), 20, partial(higher, by_m=-1.5), start_s=1.0)
     assert len(known(model)) == len(FOUR)
-    assert look_on(model, [], Camera(), 6, lower) == ["gone"] * len(FOUR)
+    assert look_on(model, [], Camera(), 6, partial(higher, by_m=-1.5)) == ["gone"] * len(FOUR)
+
+
+@pytest.mark.parametrize("pits", [1, 3])
+def test_a_few_views_that_show_a_pit_do_not_lower_the_floor(pits: int) -> None:
+    model = knowing(TWO)
+    assert look_on(model, TWO, Camera(), pits, partial(with_low_part, depth_mm=9_900)) == []
+    assert look_on(model, TWO, Camera(), 60, without_depth, start_s=13.0) == []
+    assert doubted(model, "r1") == WRONG_DEPTH
+    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, start_s=50.0) == ["gone"] * len(TWO)
+
+
+def test_a_floor_that_was_deep_for_long_comes_back() -> None:
+    floors, one = FloorLevels(), np.zeros(1, np.intp)
+    for level, views, known_m in (
+        (0.0, 1, 0.0),
+        (-3.0, 20, -3.0),
+        (np.nan, 9, -3.0),
+        (-np.inf, 9, -3.0),
+        (0.1, 5, 0.1),
+    ):
+        for _ in range(views):
+            floors.learn(one, np.array([level]))
+        assert floors.known.tolist() == [known_m]
+
+
+def test_a_floor_is_not_known_before_a_view_fits() -> None:
+    floors, one = FloorLevels(), np.zeros(1, np.intp)
+    for level in (0.0, -9.0, np.inf):
+        assert [each.tolist() for each in floors.compare(one, np.array([level]))] == [[False], [False]]
+
+
+def test_where_the_maps_zero_is_below_the_floor_one_that_is_unsure_sees_what_is_gone() -> None:
+    model = SiteModel()
+    raised = partial(higher, by_m=1.0)
+    look_on(model, FOUR, Camera(), 20, raised, start_s=1.0)
+    assert len(known(model)) == len(FOUR)
+    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, raised) == ["gone"] * len(FOUR)
+
+
+def test_a_camera_that_shows_its_own_forks_sees_what_is_gone() -> None:
+    def with_forks(seen: CameraView) -> CameraView:
+        return with_low_part(seen, 600)
+
+    model = knowing(FOUR)
+    look_on(model, FOUR, Camera(robot="r2"), 10, with_forks)
+    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, with_forks, start_s=60.0) == ["gone"] * len(FOUR)
 
 
 @pytest.mark.parametrize("robot", ["r1", "r2"])
