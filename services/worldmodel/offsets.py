@@ -1,5 +1,6 @@
 """How far each robot's localisation is off, estimated from what was seen before; lost robots are doubted. Pure."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -86,8 +87,8 @@ _FIRST: Final = 16
 class Offsets:
     """The offsets of a site's robots: mean-reverting random walks, so that the map as a whole cannot drift away.
 
-    state: (robots, 3) x, y, yaw to add to poses. covariance: of it. doubted: RIGHT, LOST, JUMPED or WRONG_DEPTH. sure: what
-    it saw fits, and did so lately. views: how many of each came. at_ns: when the last one was taken. position:
+    state: (robots, 3) x, y, yaw to add to poses. covariance: of it. doubted: RIGHT, LOST, JUMPED or WRONG_DEPTH. sure:
+    what it saw fits, and did so lately. views: how many of each came. at_ns: when the last one was taken. position:
     (robots, 3) of the camera that took it. floors: how high the floor is that the cameras show.
     """
 
@@ -124,6 +125,12 @@ class Offsets:
         for name in ("at_ns", "doubted", "views", "_gained_ns", "_wrong_ns", "_interval_ns", "_camera"):
             setattr(self, name, np.concatenate([getattr(self, name), np.zeros(more, np.int64)]))
         self._trust = np.concatenate([self._trust, np.full(more, FIRST_TRUST)])
+
+    def restore(self, robots: Sequence[int], doubted: Sequence[int]) -> None:
+        """Go on doubting robots, where none is known. doubted: why."""
+        for robot, why in zip(robots, doubted, strict=True):
+            self.reserve(robot + 1)
+            self._forget(np.array([robot]), why if why in (LOST, JUMPED, WRONG_DEPTH) else LOST)
 
     def predict(self, robots: Rows, cameras: Rows, at_ns: NDArray[np.int64], position: Floats) -> None:
         """Go on to views' instants; position: of their cameras. A jump of the pose begins anew, in doubt."""

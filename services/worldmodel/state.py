@@ -8,6 +8,7 @@ import numpy as np
 
 from services.worldmodel.model import SiteModel
 from services.worldmodel.objects import Objects
+from services.worldmodel.offsets import RIGHT
 
 VERSION: Final = 1
 _LEFT_OUT: Final = frozenset({"anchor", "anchor_variance", "anchor_robot"})
@@ -40,12 +41,17 @@ class _State(msgspec.Struct, frozen=True, kw_only=True):
     classes: list[str]
     cameras: list[tuple[str, str]]
     columns: dict[str, _Column]
+    doubted: dict[str, int] = {}
+    floors_m: list[float] = []
 
 
 def saved(site: str, prefix: str, last: int, model: SiteModel) -> bytes:
-    """Return a model's confirmed objects. prefix: of its ids. last: number of the last change that was told."""
+    """Return a model's confirmed objects, and which robots are doubted.
+
+    prefix: of its ids. last: number of the last change that was told.
+    """
     rows = model.objects.told_to_others()
-    columns = {}
+    columns, reasons = {}, model.offsets.doubted
     for each in fields(Objects):
         if each.name not in _LEFT_OUT:
             array = getattr(model.objects, each.name)[rows]
@@ -60,6 +66,8 @@ def saved(site: str, prefix: str, last: int, model: SiteModel) -> bytes:
             classes=model.classes.names,
             cameras=model.cameras.names,
             columns=columns,
+            doubted={name: why for name, number in model.robots.items() if (why := int(reasons[number])) != RIGHT},
+            floors_m=model.offsets.floors.known.tolist(),
         )
     )
 
@@ -81,7 +89,9 @@ def restored(site: str, data: bytes, model: SiteModel, run: int = 0) -> tuple[st
     except (msgspec.MsgspecError, ValueError, TypeError, KeyError) as error:
         raise StateError(f"not the state of a model: {error}") from error
     next_number = state.next_number + SKIPPED * (1 + run)
-    model.restore(objects, state.classes, [(robot, camera) for robot, camera in state.cameras], next_number)
+    model.restore(objects, state.classes, state.cameras, next_number)
+    model.offsets.restore([model.robots.number(each) for each in state.doubted], list(state.doubted.values()))
+    model.offsets.floors.restore(state.floors_m[: len(state.cameras)])
     return state.prefix, state.last
 
 

@@ -1,9 +1,10 @@
 """Scenes of boxes on a floor, and what a camera sees of them, by casting rays."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +22,8 @@ FOCAL = float(COLUMNS / 2 / np.tan(HALF_VIEW))
 NS = 1_000_000_000
 FARTHEST_M = 10.0
 LEAST_RAYS = 6
+KNOWN_S = 11.0
+"""When the first robot has seen all of a scene for twenty views, see `knowing`."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,10 @@ class Thing:
     @property
     def centre(self) -> Floats:
         return np.array([self.x, self.y, self.z + self.size[2] / 2])
+
+
+FOUR = [Thing(3.0, -0.8), Thing(2.9, 0.9), Thing(3.2, 0.1), Thing(5.2, 1.6)]
+TWO = [Thing(3.5, 0.6), Thing(4.2, -0.7)]
 
 
 @dataclass(frozen=True)
@@ -143,6 +150,44 @@ def known(model: SiteModel) -> list[Thing]:
 
 def moved(thing: Thing, x: float, y: float) -> Thing:
     return replace(thing, x=thing.x + x, y=thing.y + y)
+
+
+def knowing(things: Sequence[Thing], robots: Sequence[str] = ("r1",)) -> SiteModel:
+    model = SiteModel()
+    watch(model, things, [Camera(robot=each) for each in robots], 1.0, 20)
+    assert len(known(model)) == len(things)
+    return model
+
+
+def look_on(
+    model: SiteModel,
+    things: Sequence[Thing],
+    camera: Camera,
+    count: int,
+    change: Callable[[CameraView], CameraView] = lambda each: each,
+    *,
+    start_s: float = KNOWN_S,
+) -> list[str]:
+    """Let a model take in what a camera sees twice a second, changed somehow; return the kinds of changes."""
+    first, kinds = change(view(things, camera, start_s)), []
+    for step in range(count):
+        at_ns = round((start_s + step / 2) * NS)
+        header = msgspec.structs.replace(first.header, stamp_ns=at_ns, received_ns=at_ns)
+        kinds += [event.kind.value for event in model.take(msgspec.structs.replace(first, header=header), at_ns)]
+    return kinds
+
+
+def doubted(model: SiteModel, robot: str) -> int:
+    return int(model.offsets.doubted[model.robots.number(robot)])
+
+
+def without_depth(seen: CameraView) -> CameraView:
+    """Return a view of a camera whose depth is 9.9 m everywhere, and so shows nothing."""
+    assert seen.grid is not None
+    far = memoryview(np.full(seen.grid.rows * seen.grid.columns, 9_900, "<u2").tobytes())
+    return msgspec.structs.replace(
+        seen, objects=[], grid=msgspec.structs.replace(seen.grid, near_mm=far, far_mm=far), unmeasured={}
+    )
 
 
 def _rays() -> Floats:

@@ -1,6 +1,6 @@
 """Which robots are doubted, and what they may remove: the lost, those without depth, those with other class names."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -16,41 +16,22 @@ from services.worldmodel.model import SiteModel
 from services.worldmodel.offsets import ALONE_VIEWS, CHANGED_VIEWS, LOST, REASONS, RIGHT, WRONG_DEPTH
 from services.worldmodel.published_objects import Inventory
 from services.worldmodel.state import restored, saved
-from tests.services.worldmodel.scene import NS, Camera, Thing, known, moved, view, watch
-
-FOUR = [Thing(3.0, -0.8), Thing(2.9, 0.9), Thing(3.2, 0.1), Thing(5.2, 1.6)]
-TWO = [Thing(3.5, 0.6), Thing(4.2, -0.7)]
-KNOWN_S = 11.0
-"""When the first robot has seen all of a scene for twenty views."""
-
-
-def knowing(things: Sequence[Thing], robots: Sequence[str] = ("r1",)) -> SiteModel:
-    model = SiteModel()
-    watch(model, things, [Camera(robot=each) for each in robots], 1.0, 20)
-    assert len(known(model)) == len(things)
-    return model
-
-
-def look_on(
-    model: SiteModel,
-    things: Sequence[Thing],
-    camera: Camera,
-    count: int,
-    change: Callable[[CameraView], CameraView] = lambda each: each,
-    *,
-    start_s: float = KNOWN_S,
-) -> list[str]:
-    """Let a model take in what a camera sees twice a second, changed somehow; return the kinds of changes."""
-    first, kinds = change(view(things, camera, start_s)), []
-    for step in range(count):
-        at_ns = round((start_s + step / 2) * NS)
-        header = msgspec.structs.replace(first.header, stamp_ns=at_ns, received_ns=at_ns)
-        kinds += [event.kind.value for event in model.take(msgspec.structs.replace(first, header=header), at_ns)]
-    return kinds
-
-
-def doubted(model: SiteModel, robot: str) -> int:
-    return int(model.offsets.doubted[model.robots.number(robot)])
+from tests.services.worldmodel.scene import (
+    FOUR,
+    KNOWN_S,
+    NS,
+    TWO,
+    Camera,
+    Thing,
+    doubted,
+    knowing,
+    known,
+    look_on,
+    moved,
+    view,
+    watch,
+    without_depth,
+)
 
 
 def are_at(found: Sequence[Thing], things: Sequence[Thing]) -> bool:
@@ -62,15 +43,6 @@ def are_at(found: Sequence[Thing], things: Sequence[Thing]) -> bool:
 
 def with_model(seen: CameraView, model: str) -> CameraView:
     return msgspec.structs.replace(seen, model=model)
-
-
-def without_depth(seen: CameraView) -> CameraView:
-    """Return a view of a camera whose depth is 9.9 m everywhere, and so shows nothing."""
-    assert seen.grid is not None
-    far = memoryview(np.full(seen.grid.rows * seen.grid.columns, 9_900, "<u2").tobytes())
-    return msgspec.structs.replace(
-        seen, objects=[], grid=msgspec.structs.replace(seen.grid, near_mm=far, far_mm=far), unmeasured={}
-    )
 
 
 def higher(seen: CameraView, by_m: float) -> CameraView:
