@@ -15,7 +15,7 @@ from services.worldmodel.classes import Classes
 from services.worldmodel.events import Event
 from services.worldmodel.evidence import FARTHEST_M, NAMED_NS, Looks, Vocabulary, floor_levels, look
 from services.worldmodel.frames import Frames
-from services.worldmodel.fusion import fuse
+from services.worldmodel.fusion import fuse, is_compound
 from services.worldmodel.motion import drifts, move, moves
 from services.worldmodel.names import CameraName, Numbers
 from services.worldmodel.object_lifecycle import ObjectLifecycle, Rules, gain, note_seers
@@ -27,6 +27,7 @@ from services.worldmodel.solids import covers_several
 Rows = NDArray[np.intp]
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Found = tuple[Assignment, Assignment]
 
 NS: Final = 1_000_000_000
 SETTLED: Final = 5
@@ -34,6 +35,9 @@ SETTLED: Final = 5
 
 MOST_VIEWS: Final = 50
 """So many are compared with what is known at once: arrays of more are larger than caches, of fewer there are more."""
+
+NEW_VIEWS: Final = 2.5
+"""Cameras of one robot may see the same: a thing is new for so many times as long as one takes from view to view."""
 
 PULL: Final = 3.0
 """How much faster than localisation errors change objects are drawn to where poses as they came say that they are."""
@@ -229,25 +233,15 @@ class SiteModel:
         return replace(found, new=np.setdiff1d(found.new, renamed.seen, assume_unique=True)), renamed
 
     def _judge(
-        self,
-        frames: Frames,
-        seen: Sightings,
-        found: tuple[Assignment, Assignment],
-        looks: Looks,
-        *,
-        named: Bools,
-        floor_m: Floats,
+        self, frames: Frames, seen: Sightings, found: Found, looks: Looks, *, named: Bools, floor_m: Floats
     ) -> Bools:
         """Compare views with what is known; return which views' depth may be right. found: by name, and by place."""
         objects, keys, count = self.objects, self.lifecycle.keys, len(frames)
         looks = looks.taken(self._settled(looks.rows) & ~self.classes.moves[objects.cls[looks.rows]])
-        of = keys(looks.frame, looks.rows)
-        met, by_place = (np.isin(of, keys(seen.frame[each.seen], each.of)) for each in found)
+        met, by_place = (np.isin(keys(looks.frame, looks.rows), keys(seen.frame[of.seen], of.of)) for of in found)
         by_name = named[looks.frame, objects.cls[looks.rows]]
         expected, there = by_name | by_place | looks.past, met | by_place
-        strange = ~self.classes.moves[seen.classes] & (seen.depth < FARTHEST_M)
-        for each in found:
-            strange[each.seen[self._settled(each.of)]] = False
+        strange = self._strange(frames, seen, found)
         sane = self.offsets.judge(
             frames.robots,
             np.bincount(looks.frame[expected], minlength=count),
@@ -259,6 +253,16 @@ class SiteModel:
         told = by_name & (self.offsets.doubted[frames.robots] == RIGHT)[looks.frame]
         self.classes.learn(objects.cls[looks.rows[told]], looks.distance[told], met[told])
         return sane
+
+    def _strange(self, frames: Frames, seen: Sightings, found: Found) -> Bools:
+        """Return which sightings may be of known things that are elsewhere: of none that three views showed there."""
+        objects, classes, frame = self.objects, self.classes, seen.frame
+        strange = ~classes.moves[seen.classes] & (seen.depth < FARTHEST_M) & ~is_compound(seen, classes)
+        late_ns = frames.at_ns - NEW_VIEWS * self.offsets.interval_ns[frames.robots]
+        for each in found:
+            few = objects.hits[each.of] < self.rules.fewest_hits
+            strange[each.seen] &= few | (objects.first_ns[each.of] > late_ns[frame[each.seen]])
+        return strange
 
     def _spared(self, frames: Frames, looks: Looks, sane: Bools) -> Bools:
         """Return which looks remove nothing: of wrong depth, or of unsure robots at what another robot saw."""

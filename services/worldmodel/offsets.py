@@ -89,7 +89,8 @@ class Offsets:
 
     state: (robots, 3) x, y, yaw to add to poses. covariance: of it. doubted: RIGHT, LOST, JUMPED or WRONG_DEPTH. sure:
     what it saw fits, and did so lately. views: how many of each came. at_ns: when the last one was taken. position:
-    (robots, 3) of the camera that took it. floors: how high the floor is that the cameras show.
+    (robots, 3) of the camera that took it. interval_ns: how long before it that camera took one. floors: how high the
+    floor is that the cameras show.
     """
 
     def __init__(self, usual: Localisation) -> None:
@@ -106,7 +107,7 @@ class Offsets:
         self._trust = np.zeros(0, np.int64)
         self._gained_ns = np.zeros(0, np.int64)
         self._wrong_ns = np.zeros(0, np.int64)
-        self._interval_ns = np.zeros(0, np.int64)
+        self.interval_ns = np.zeros(0, np.int64)
         self._contradicted = 0
         self.floors = FloorLevels()
         self._camera = np.zeros(0, np.intp)
@@ -122,7 +123,7 @@ class Offsets:
         self.state, self.position = (np.concatenate([a, np.zeros((more, 3))]) for a in (self.state, self.position))
         self._passed = np.concatenate([self._passed, np.zeros(more)])
         self.sure = np.concatenate([self.sure, np.zeros(more, np.bool_)])
-        for name in ("at_ns", "doubted", "views", "_gained_ns", "_wrong_ns", "_interval_ns", "_camera"):
+        for name in ("at_ns", "doubted", "views", "_gained_ns", "_wrong_ns", "interval_ns", "_camera"):
             setattr(self, name, np.concatenate([getattr(self, name), np.zeros(more, np.int64)]))
         self._trust = np.concatenate([self._trust, np.full(more, FIRST_TRUST)])
 
@@ -136,7 +137,7 @@ class Offsets:
         """Go on to views' instants; position: of their cameras. A jump of the pose begins anew, in doubt."""
         known = self.at_ns[robots] > 0
         passed = np.where(known, np.maximum(at_ns - self.at_ns[robots], 0) / NS, 0.0)
-        jumped, self._interval_ns[robots] = self._cameras.move(cameras, at_ns, position)
+        jumped, self.interval_ns[robots] = self._cameras.move(cameras, at_ns, position)
         self._camera[robots] = cameras
         self._forget(robots[jumped], JUMPED)
         keep = np.exp(-passed / self.usual.seconds)
@@ -238,7 +239,7 @@ class Offsets:
     def _counts(self, robots: Rows, wrong: Bools) -> Bools:
         """Return which of the wrong views count: of the cameras of a robot that look at one time, the first one's."""
         passed = self.at_ns[robots] - self._wrong_ns[robots]
-        counts = wrong & (2 * passed >= self._interval_ns[robots])
+        counts = wrong & (2 * passed >= self.interval_ns[robots])
         self._wrong_ns[robots[counts]] = self.at_ns[robots[counts]]
         return counts
 

@@ -167,6 +167,35 @@ def test_some_that_are_moved_together_are_moved_for_one_that_has_just_fitted() -
     assert doubted(model, "r1") == RIGHT
 
 
+@pytest.mark.parametrize("sees_one", [False, True], ids=["both at a time", "one at a time"])
+def test_a_robot_that_has_just_fitted_sees_two_things_replaced_where_they_stood(*, sees_one: bool) -> None:
+    model = knowing(TWO)
+    others = [replace(each, name="crate") for each in TWO]
+    for step in range(12):
+        at_s = KNOWN_S + step / 2
+        blind_to = [step % 2] if sees_one and step > 1 else []
+        model.take(view(others, Camera(), at_s, blind_to=blind_to), round(at_s * NS))
+        assert doubted(model, "r1") == RIGHT, step
+
+
+def test_a_stack_that_is_seen_as_one_thing_is_none_that_is_elsewhere() -> None:
+    model = knowing(TWO)
+    things = [*TWO, Thing(5.0, -0.1, (0.4, 0.4, 1.6))]
+    for step in range(20):
+        at_s = KNOWN_S + step / 2
+        model.take(view(things, Camera(), at_s, blind_to=[0, 1]), round(at_s * NS))
+        assert doubted(model, "r1") == RIGHT, step
+
+
+def test_a_lost_robot_is_noticed_where_two_of_its_cameras_see_the_same() -> None:
+    model = knowing(TWO)
+    before = known(model)
+    cameras = [Camera(robot="r2", name=each, off=(0.0, 1.5, 0.0)) for each in ("left", "right")]
+    watch(model, TWO, cameras, KNOWN_S, 20)
+    assert doubted(model, "r2") == LOST
+    assert {(each.x, each.y) for each in before} <= {(each.x, each.y) for each in known(model)}
+
+
 @pytest.mark.parametrize("robot", ["r1", "r2"])
 def test_a_robot_with_broken_depth_removes_nothing(robot: str) -> None:
     model = knowing(TWO)
