@@ -221,14 +221,21 @@ class Vocabulary:
 
     def __init__(self) -> None:
         self._numbers: dict[str, int] = {}
+        self._names: list[str] = []
         self._named_ns = np.zeros((0, MAX_CLASSES), np.int64)
         self._since_ns = np.zeros(0, np.int64)
 
-    def heed(self, frames: Frames, seen: Sightings) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    def heed(
+        self, frames: Frames, seen: Sightings, names: Sequence[str]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
         """Learn from views; return which classes their models give (views, MAX_CLASSES), and since when each is known.
 
-        seen: the views' sightings.
+        seen: the views' sightings. names: of classes, by number; numbers may be another class's from then on.
         """
+        if self._names != names:
+            reused = [number for number, name in enumerate(self._names) if name != names[number]]
+            self._named_ns[:, reused] = 0
+            self._names = list(names)
         numbers = self._of([view.model for view in frames.views], frames.at_ns)
         np.maximum.at(self._named_ns, (numbers[seen.frame], seen.classes), frames.at_ns[seen.frame])
         named = self._named_ns[numbers]

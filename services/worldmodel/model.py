@@ -174,7 +174,7 @@ class SiteModel:
         row, of = close(seen, objects, *around)
         pose = offsets.pose_covariance(frames.robots[seen.frame], seen.away)
         found = assign(seen, objects, row, of, pose)
-        named, since_ns = self._vocabulary.heed(frames, seen)
+        named, since_ns = self._vocabulary.heed(frames, seen, self.classes.names)
         found, renamed = self._under_other_names(seen, found, around, named, pose=pose)
         looks = look(frames, camera, rotation, objects, self.index)
         floor_m = floor_levels(frames, camera, rotation)

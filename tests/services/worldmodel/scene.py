@@ -181,6 +181,13 @@ def doubted(model: SiteModel, robot: str) -> int:
     return int(model.offsets.doubted[model.robots.number(robot)])
 
 
+def are_at(found: Sequence[Thing], things: Sequence[Thing]) -> bool:
+    """Return whether each of some things is found once, within 0.25 m."""
+    places = np.array([(each.x, each.y) for each in things])
+    near = [np.flatnonzero(np.hypot(*(places - (each.x, each.y)).T) < 0.25).tolist() for each in found]
+    return sorted(near) == [[number] for number in range(len(things))]
+
+
 def without_depth(seen: CameraView) -> CameraView:
     """Return a view of a camera whose depth is 9.9 m everywhere, and so shows nothing."""
     assert seen.grid is not None

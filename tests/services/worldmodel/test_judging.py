@@ -1,6 +1,5 @@
-"""Which robots are doubted, and what they may remove: the lost, those without depth, those with other class names."""
+"""Which robots are doubted, and what they may remove: the lost, those without depth, those that just started."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -11,11 +10,9 @@ import pytest
 from schemas.distances import CameraView
 from services.worldmodel import model as model_module
 from services.worldmodel import offsets as offsets_module
-from services.worldmodel.evidence import MOST_MODELS, FloorLevels
+from services.worldmodel.evidence import FloorLevels
 from services.worldmodel.model import SiteModel
 from services.worldmodel.offsets import ALONE_VIEWS, CHANGED_VIEWS, LOST, REASONS, RIGHT, WRONG_DEPTH
-from services.worldmodel.published_objects import Inventory
-from services.worldmodel.state import restored, saved
 from tests.services.worldmodel.scene import (
     FOUR,
     KNOWN_S,
@@ -23,6 +20,7 @@ from tests.services.worldmodel.scene import (
     TWO,
     Camera,
     Thing,
+    are_at,
     doubted,
     knowing,
     known,
@@ -32,17 +30,6 @@ from tests.services.worldmodel.scene import (
     watch,
     without_depth,
 )
-
-
-def are_at(found: Sequence[Thing], things: Sequence[Thing]) -> bool:
-    """Return whether each of some things is found once, within 0.25 m."""
-    places = np.array([(each.x, each.y) for each in things])
-    near = [np.flatnonzero(np.hypot(*(places - (each.x, each.y)).T) < 0.25).tolist() for each in found]
-    return sorted(near) == [[number] for number in range(len(things))]
-
-
-def with_model(seen: CameraView, model: str) -> CameraView:
-    return msgspec.structs.replace(seen, model=model)
 
 
 def higher(seen: CameraView, by_m: float) -> CameraView:
@@ -269,68 +256,6 @@ def test_a_camera_that_shows_its_own_forks_sees_what_is_gone() -> None:
     model = knowing(FOUR)
     look_on(model, FOUR, Camera(robot="r2"), 10, with_forks)
     assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, with_forks, start_s=60.0) == ["gone"] * len(FOUR)
-
-
-@pytest.mark.parametrize("robot", ["r1", "r2"])
-def test_things_that_another_model_names_otherwise_stay_and_take_its_name_late(robot: str) -> None:
-    model = knowing(FOUR)
-    cartons = [replace(each, name="carton") for each in FOUR]
-    numbers = model.objects.number[model.objects.told_to_others()].tolist()
-    other = partial(with_model, model="other")
-    assert look_on(model, cartons, Camera(robot=robot), 100, other) == []
-    assert doubted(model, robot) == RIGHT
-    assert model.left_out[robot, model_module.OTHER_NAME] == 100 * len(FOUR)
-    assert [each.name for each in known(model)] == ["box"] * len(FOUR)
-    rows = model.objects.told_to_others()
-    assert (model.objects.last_ns[rows] == round((KNOWN_S + 49.5) * NS)).all()
-    assert look_on(model, cartons, Camera(robot=robot), 40, other, start_s=KNOWN_S + 50) == []
-    assert [each.name for each in known(model)] == ["carton"] * len(FOUR)
-    assert model.objects.number[model.objects.told_to_others()].tolist() == numbers
-    assert are_at(known(model), FOUR)
-
-
-def test_things_that_another_model_names_otherwise_keep_their_names_while_one_robot_uses_these() -> None:
-    model = knowing(FOUR)
-    cartons = [replace(each, name="carton") for each in FOUR]
-    for step in range(70):
-        at_ns = round((KNOWN_S + step) * NS)
-        second = with_model(view(cartons, Camera(robot="r2"), KNOWN_S + step), "other")
-        assert model.take_all([(view(FOUR, Camera(), KNOWN_S + step), at_ns), (second, at_ns)]) == []
-    assert [each.name for each in known(model)] == ["box"] * len(FOUR)
-
-
-def test_another_model_that_names_nothing_does_not_miss_and_yet_looks_past() -> None:
-    model = knowing(FOUR)
-    other = partial(with_model, model="other")
-
-    def blind(seen: CameraView) -> CameraView:
-        return msgspec.structs.replace(other(seen), objects=[])
-
-    before = model.objects.looks.copy()
-    assert look_on(model, FOUR, Camera(), 40, blind) == []
-    assert (model.objects.looks == before).all()
-    assert doubted(model, "r1") == RIGHT
-    look_on(model, FOUR, Camera(), 3, start_s=32.0)
-    assert look_on(model, [], Camera(), 5, other, start_s=34.0) == ["gone"] * len(FOUR)
-
-
-def test_after_a_restart_things_take_the_names_of_another_model_too() -> None:
-    before = knowing(FOUR)
-    model = SiteModel()
-    restored("hall", saved("hall", "a", 0, before), model)
-    cartons = [replace(each, name="carton") for each in FOUR]
-    assert look_on(model, cartons, Camera(), 140, partial(with_model, model="other")) == []
-    assert [each.name for each in known(model)] == ["carton"] * len(FOUR)
-    assert [each.doubted for each in Inventory("hall", "a", model).robots()] == [""]
-
-
-def test_invented_models_are_bounded() -> None:
-    model = knowing(TWO)
-    seen = view(TWO, Camera(), KNOWN_S)
-    for number in range(2 * MOST_MODELS):
-        model.take(with_model(seen, f"m{number}"), round((KNOWN_S + number / 100) * NS))
-    assert len(model._vocabulary._numbers) <= MOST_MODELS
-    assert len(known(model)) == len(TWO)
 
 
 def test_a_site_in_which_no_robot_fits_any_more_has_changed(monkeypatch: pytest.MonkeyPatch) -> None:
