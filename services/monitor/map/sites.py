@@ -19,8 +19,21 @@ MAX_SITES: Final = 1_000
 LATELY_NS: Final = 60_000_000_000
 """How long something that is left out stays a problem: it is counted since the world model began."""
 
+JUMP_NS: Final = 30_000_000_000
+"""How long a robot may be left out because its pose has jumped, before it is a problem: a pose that was set right jumps
+as well, and fits soon.
+"""
+
+JUMPED: Final = "has jumped"
+
 MAX_NAMED: Final = 3
 LEFT_OUT: Final = " sightings left out: "
+
+DOUBTS: Final[Mapping[str, str]] = {
+    "its depth": "check the depth camera, how it is mounted, and its transform",
+    "its pose": "correct that in its localisation, as with 2D Pose Estimate in RViz",
+}
+"""Cures by a part of the reason for which a robot is doubted."""
 
 CURES: Final[Mapping[str, str]] = {
     "without a map frame": "robots have no frame map, so that what they see has no place: start their localisation, "
@@ -35,6 +48,8 @@ CURES: Final[Mapping[str, str]] = {
     "its most cameras": "a robot has more cameras than count: let it publish fewer",
     "malformed views": "views cannot be read: let distance workers and the world model be of one release",
     "could not be taken in": "views could not be taken in: the world model's log says why",
+    "another model's class names": "robots have other names for the same things, each by its model: let all of a site"
+    " run one model, or models with the same class names",
 }
 """Cures by a part of the reason for which sightings or views are left out. Other reasons need none: an object is too
 far away, or a newer view came.
@@ -46,11 +61,13 @@ class KnownSite:
     """What a site's world model said last, and when it came.
 
     growing: when more was left out last, by reason; of those reasons of which that happened since they were heard of.
+    jumped: since when robots are doubted as their poses have jumped, by name.
     """
 
     status: SiteStatus
     received_ns: int
     growing: Mapping[str, int] = field(default_factory=dict)
+    jumped: Mapping[str, int] = field(default_factory=dict)
 
     def is_current(self, now_ns: int) -> bool:
         """Whether the site is looked after now."""
@@ -73,7 +90,8 @@ class Sites:
         for each in self._bytes.take(status.site, size):
             del self._known[each]
         before = self._known.pop(status.site, None)
-        self._known[status.site] = KnownSite(status, received_ns, _growing(before, status, received_ns))
+        growing, jumped = _growing(before, status, received_ns), _jumped(before, status, received_ns)
+        self._known[status.site] = KnownSite(status, received_ns, growing, jumped)
         if len(self._known) > MAX_SITES:
             oldest = next(iter(self._known))
             self._bytes.drop(oldest)
@@ -120,19 +138,24 @@ def _growing(before: KnownSite | None, status: SiteStatus, now_ns: int) -> dict[
     return {**before.growing, **grown}
 
 
+def _jumped(before: KnownSite | None, status: SiteStatus, now_ns: int) -> dict[str, int]:
+    """Return since when poses have jumped, by robot."""
+    since_ns = {} if before is None else before.jumped
+    return {each.robot: since_ns.get(each.robot, now_ns) for each in status.robots if JUMPED in each.doubted}
+
+
 def _problems(known: KnownSite, now_ns: int) -> Iterator[str]:
     """Yield what is wrong with a site, in lines: robots that are lost first, then what is left out, then the rest."""
     status, site = known.status, f"site {known.status.site}"
     doubted = [each for each in status.robots if each.doubted]
     lost = defaultdict[str, list[str]](list)
     for each in doubted:
-        if status.sent_ns - each.last_ns <= LATELY_NS:  # else it is off, and stays as it was last
+        is_off = status.sent_ns - each.last_ns > LATELY_NS  # and stays as it was last
+        if not is_off and now_ns - known.jumped.get(each.robot, -JUMP_NS) >= JUMP_NS:
             lost[each.doubted].append(each.robot)
     for why, robots in lost.items():
-        yield (
-            f"{site} leaves out the sightings of {_named(robots)}: {printable(why)}; correct that in its localisation,"
-            " as with 2D Pose Estimate in RViz"
-        )
+        cure = next((f"; {cure}" for part, cure in DOUBTS.items() if part in why), "")
+        yield f"{site} leaves out the sightings of {_named(robots)}: {printable(why)}{cure}"
     told = {f"{each.robot}: {each.doubted}" for each in doubted}
     for part, cure in CURES.items():
         reasons = [reason for reason, at_ns in known.growing.items() if part in reason and now_ns - at_ns <= LATELY_NS]

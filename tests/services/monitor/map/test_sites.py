@@ -2,7 +2,7 @@ import msgspec
 
 from schemas.world import MAX_PROBLEMS, RobotOffset, SiteStatus
 from services.monitor.formats import MAX_SHOWN
-from services.monitor.map.sites import FRESH_NS, LATELY_NS, MAX_SITES, Sites, totals
+from services.monitor.map.sites import FRESH_NS, JUMP_NS, LATELY_NS, MAX_SITES, Sites, totals
 
 
 def status(site: str = "hall", **objects: int) -> SiteStatus:
@@ -54,12 +54,13 @@ def hall(*, epoch: str = "e", **given: object) -> SiteStatus:
 
 def test_robots_that_are_lost_are_problems_while_they_are() -> None:
     sites = Sites()
-    why = "its pose has jumped"
+    why = "its pose does not fit what was seen before"
     lost = [robot(f"r{number}", why) for number in range(5)]
     sites.take(hall(robots=[robot("x"), *lost], problems=[f"{each.robot}: {why}" for each in lost]), 10)
     (problem,) = sites.problems(10)
     assert problem.startswith(
-        "site hall leaves out the sightings of r0, r1, r2 and 2 more: its pose has jumped; correct"
+        "site hall leaves out the sightings of r0, r1, r2 and 2 more: its pose does not fit what was seen before;"
+        " correct that in its localisation"
     )
     assert sites.problems(11 + FRESH_NS) == [], "nobody looks after the site"
     sites.take(hall(robots=[robot("r0")]), 20)
@@ -67,6 +68,42 @@ def test_robots_that_are_lost_are_problems_while_they_are() -> None:
     off = msgspec.structs.replace(hall(robots=lost, problems=[f"r1: {why}"]), sent_ns=2 + LATELY_NS)
     sites.take(off, 30)
     assert sites.problems(30) == [], "no view of it came for long: it is off"
+
+
+def test_robots_whose_poses_have_jumped_are_a_problem_when_they_do_not_fit_soon() -> None:
+    sites, why = Sites(), "its pose has jumped"
+
+    def at(now_ns: int, *robots: RobotOffset) -> list[str]:
+        sites.take(
+            hall(robots=list(robots), problems=[f"{each.robot}: {why}" for each in robots if each.doubted]), now_ns
+        )
+        return sites.problems(now_ns)
+
+    assert at(10, robot("r1", why)) == []
+    assert at(9 + JUMP_NS, robot("r1", why), robot("r2", why)) == []
+    (problem,) = at(10 + JUMP_NS, robot("r1", why), robot("r2", why))
+    assert problem == (
+        "site hall leaves out the sightings of r1: its pose has jumped; correct that in its localisation, as with"
+        " 2D Pose Estimate in RViz"
+    )
+    assert at(11 + JUMP_NS, robot("r1")) == []
+    assert at(12 + JUMP_NS, robot("r1", why)) == [], "it has jumped again"
+
+
+def test_wrong_depth_and_other_class_names_have_cures_of_their_own() -> None:
+    sites, why, names = Sites(), "its depth does not fit the floor", "another model's class names"
+    told = [f"r1: {why}", f"r2: 9 sightings left out: {names}"]
+    for count in (8, 9):
+        sites.take(hall(robots=[robot("r1", why)], left_out={names: count}, problems=told), count)
+    depth, classes = sites.problems(9)
+    assert depth == (
+        "site hall leaves out the sightings of r1: its depth does not fit the floor; check the depth camera, how it is"
+        " mounted, and its transform"
+    )
+    assert classes == (
+        "site hall: robots have other names for the same things, each by its model: let all of a site run one model, or"
+        " models with the same class names (r2)"
+    )
 
 
 def test_sightings_that_are_left_out_are_a_problem_while_more_are_and_with_the_cure() -> None:
