@@ -250,8 +250,8 @@ class SiteModel:
             strange=np.bincount(seen.frame[strange], minlength=count),
             floor_m=floor_m,
         )
-        told = by_name & (self.offsets.doubted[frames.robots] == RIGHT)[looks.frame]
-        self.classes.learn(objects.cls[looks.rows[told]], looks.distance[told], met[told])
+        counted = by_name & (self.offsets.doubted[frames.robots] == RIGHT)[looks.frame]
+        self.classes.learn(objects.cls[looks.rows[counted]], looks.distance[counted], met[counted])
         return sane
 
     def _strange(self, frames: Frames, seen: Sightings, found: Found) -> Bools:

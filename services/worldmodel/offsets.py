@@ -53,7 +53,7 @@ let it be gone, so that a lost robot is doubted before.
 """
 
 FEWEST: Final = 3
-"""Objects that a view finds, or misses, count up to so many."""
+"""Each object that a view finds, or misses, counts PER_OBJECT, up to so many of them."""
 
 PER_OBJECT: Final = ALONE_VIEWS // FEWEST
 MOST_TRUST: Final = TRUST_VIEWS * ALONE_VIEWS
@@ -66,7 +66,10 @@ MOST_STRANGE: Final = 2
 use its trust up, before these are confirmed. A single one does not: it may be new, and is known soon."""
 
 FOUND: Final = 0.34
-"""The share of them that must be found; and the share of missed ones as many of which, seen elsewhere, contradict."""
+"""The share of the objects that a view should show which it must find to fit."""
+
+ELSEWHERE: Final = 0.34
+"""A view contradicts that shows new things, at least so many for each known one that it misses."""
 
 EMPTY: Final = 0.5
 """The share of missed ones that a view must look past to show an emptied place; others may be there, undetected."""
@@ -203,12 +206,12 @@ class Offsets:
         missed, doubted, sure = expected - found, self.doubted[robots], self.sure[robots]
         nothing_expected = expected == 0
         fits = ~nothing_expected & (found >= FOUND * expected)
-        floor, deep = self.floors.compare(self._camera[robots], floor_m)
+        shows_floor, deep = self.floors.compare(self._camera[robots], floor_m)
         deep &= ~fits
         unlike = ~nothing_expected & ~fits & ~deep
         telling = (looked_past > 0) | (missed > 1)  # the detector may miss one that is there
-        elsewhere = unlike & telling & (strange >= FOUND * missed)
-        emptied = unlike & ~elsewhere & (looked_past >= EMPTY * missed) & floor
+        elsewhere = unlike & telling & (strange >= ELSEWHERE * missed)
+        emptied = unlike & ~elsewhere & (looked_past >= EMPTY * missed) & shows_floor
         astray = (doubted == LOST) | (doubted == JUMPED)
         wrong = elsewhere | (deep & ~nothing_expected)
         counts = self._counts(robots, wrong)
@@ -219,7 +222,7 @@ class Offsets:
         weight = np.where(deep, FEWEST, np.minimum(missed, FEWEST))
         others = np.where(deep, MOST_STRANGE, np.minimum(strange, MOST_STRANGE))
         cost = np.where(sure, weight * PER_OBJECT, others * PER_STRANGE)
-        alone = nothing_expected & ((doubted == JUMPED) | ((doubted == WRONG_DEPTH) & floor))
+        alone = nothing_expected & ((doubted == JUMPED) | ((doubted == WRONG_DEPTH) & shows_floor))
         gained = np.where(fits, np.minimum(expected, FEWEST) * PER_OBJECT, 0)
         gained += np.where((emptied & ~astray) | changed | alone, TRUST_VIEWS, 0)
         gained -= np.where(wrong & counts, cost, 0)
