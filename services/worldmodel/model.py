@@ -265,10 +265,11 @@ class SiteModel:
         return strange
 
     def _spared(self, frames: Frames, looks: Looks, sane: Bools) -> Bools:
-        """Return which looks remove nothing: of wrong depth, or of unsure robots at what another robot saw."""
-        seers, robots = self.objects.seers[looks.rows], frames.robots[looks.frame]
+        """Return which looks remove nothing: of wrong depth, or of unsure robots at objects that another robot saw."""
+        known, seers = self.objects.confirmed[looks.rows], self.objects.seers[looks.rows]
+        robots = frames.robots[looks.frame]
         others = ((seers >= 0) & (self._robot_of[seers] != robots[:, np.newaxis])).any(axis=1)
-        return np.asarray(~sane[looks.frame] | (others & ~self.offsets.sure[robots]))
+        return np.asarray(~sane[looks.frame] | (known & others & ~self.offsets.sure[robots]))
 
     def _rename(self, frames: Frames, seen: Sightings, found: Assignment, since_ns: NDArray[np.int64]) -> None:
         """Note that things are there that have another name; they take it if nobody calls them by theirs for long."""

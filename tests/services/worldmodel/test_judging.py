@@ -140,6 +140,14 @@ def test_what_another_robot_saw_is_gone_when_one_that_fits_or_looks_for_long_see
     assert look_on(model, [], other, 3, start_s=13.0) == ["gone"] * len(FOUR)
 
 
+def test_what_is_not_confirmed_yet_is_nothing_when_one_that_just_started_looks_past_it() -> None:
+    model = SiteModel()
+    watch(model, TWO, [Camera()], 1.0, 2)
+    assert len(model.objects.known()) == len(TWO)
+    watch(model, [], [Camera(robot="r2")], 2.0, 3)
+    assert len(model.objects.known()) == 0
+
+
 def test_one_that_fitted_long_ago_is_as_unsure_as_one_that_never_did() -> None:
     model = knowing(FOUR, ("r1", "r2"))
     assert look_on(model, [], Camera(robot="r2"), 6, start_s=60.0) == []
