@@ -37,7 +37,8 @@ MOST_VIEWS: Final = 50
 """So many are compared with what is known at once: arrays of more are larger than caches, of fewer there are more."""
 
 NEW_VIEWS: Final = 2.5
-"""Cameras of one robot may see the same: a thing is new for so many times as long as one takes from view to view."""
+"""Cameras of one robot may see the same: a thing is new for so many times as long as one takes from view to view, and
+no longer than so many seconds."""
 
 PULL: Final = 3.0
 """How much faster than localisation errors change objects are drawn to where poses as they came say that they are."""
@@ -258,7 +259,7 @@ class SiteModel:
         """Return which sightings may be of known things that are elsewhere: of none that three views showed there."""
         objects, classes, frame = self.objects, self.classes, seen.frame
         strange = ~classes.moves[seen.classes] & (seen.depth < FARTHEST_M) & ~is_compound(seen, classes)
-        late_ns = frames.at_ns - NEW_VIEWS * self.offsets.interval_ns[frames.robots]
+        late_ns = frames.at_ns - NEW_VIEWS * np.minimum(self.offsets.interval_ns[frames.robots], NS)
         for each in found:
             few = objects.hits[each.of] < self.rules.fewest_hits
             strange[each.seen] &= few | (objects.first_ns[each.of] > late_ns[frame[each.seen]])

@@ -182,6 +182,14 @@ def test_a_stack_that_is_seen_as_one_thing_is_none_that_is_elsewhere() -> None:
         assert doubted(model, "r1") == RIGHT, step
 
 
+def test_what_is_well_known_is_nothing_new_for_a_camera_that_seldom_looks() -> None:
+    things = [*FOUR, Thing(4.4, -0.3), Thing(5.4, -1.7)]
+    model = knowing(things)
+    for at_s in (12.0, 36.0, 60.0):
+        model.take(view(things, Camera(robot="r2"), at_s, blind_to=[2, 3, 4, 5]), round(at_s * NS))
+        assert doubted(model, "r2") == RIGHT, at_s
+
+
 def test_a_lost_robot_is_noticed_where_two_of_its_cameras_see_the_same() -> None:
     model = knowing(TWO)
     before = known(model)
