@@ -51,7 +51,8 @@ def saved(site: str, prefix: str, last: int, model: SiteModel) -> bytes:
     prefix: of its ids. last: number of the last change that was told.
     """
     rows = model.objects.told_to_others()
-    columns, reasons = {}, model.offsets.doubted
+    reasons = model.offsets.doubted
+    columns = {}
     for each in fields(Objects):
         if each.name not in _LEFT_OUT:
             array = getattr(model.objects, each.name)[rows]
