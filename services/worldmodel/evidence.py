@@ -61,7 +61,7 @@ DEEPER_M: Final = 0.5
 """What is seen so much deeper than any floor is none: depth is wrong."""
 
 NAMED_NS: Final = 60_000_000_000
-"""A class that a model gave nothing for so long is taken to be one that it does not know."""
+"""A model that never gave a class, in so long, is taken not to know it."""
 
 MOST_MODELS: Final = 256
 
@@ -212,48 +212,47 @@ class FloorLevels:
         self._last[:] = self.known[:, np.newaxis]
 
     def _reserve(self, count: int) -> None:
-        more = np.full((max(count - len(self.known), 0), FLOOR_VIEWS), np.nan)
-        self.known, self._last = np.concatenate([self.known, more[:, 0]]), np.concatenate([self._last, more])
+        if count > len(self.known):
+            more = np.full((count - len(self.known), FLOOR_VIEWS), np.nan)
+            self.known, self._last = np.concatenate([self.known, more[:, 0]]), np.concatenate([self._last, more])
 
 
 class Vocabulary:
-    """Which classes each detection model gave lately, from all robots that run it."""
+    """Which classes each detection model gave, from all robots that run it."""
 
     def __init__(self) -> None:
         self._numbers: dict[str, int] = {}
         self._names: list[str] = []
-        self._named_ns = np.zeros((0, MAX_CLASSES), np.int64)
+        self._named = np.zeros((0, MAX_CLASSES), np.bool_)
         self._since_ns = np.zeros(0, np.int64)
 
     def heed(
         self, frames: Frames, seen: Sightings, names: Sequence[str]
     ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-        """Learn from views; return which classes their models give (views, MAX_CLASSES), and since when each is known.
+        """Learn from views; return which classes their models gave (views, MAX_CLASSES), and since when each is known.
 
         seen: the views' sightings. names: of classes, by number; numbers may be another class's from then on.
         """
         if self._names != names:
             reused = [number for number, name in enumerate(self._names) if name != names[number]]
-            self._named_ns[:, reused] = 0
+            self._named[:, reused] = False
             self._names = list(names)
         numbers = self._of([view.model for view in frames.views], frames.at_ns)
-        np.maximum.at(self._named_ns, (numbers[seen.frame], seen.classes), frames.at_ns[seen.frame])
-        named = self._named_ns[numbers]
-        return (named > 0) & (frames.at_ns[:, np.newaxis] - named < NAMED_NS), self._since_ns[numbers]
+        self._named[numbers[seen.frame], seen.classes] = True
+        return self._named[numbers], self._since_ns[numbers]
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now: the clock was set back."""
-        for times in (self._named_ns, self._since_ns):
-            np.minimum(times, now_ns, out=times)
+        np.minimum(self._since_ns, now_ns, out=self._since_ns)
 
     def _of(self, models: Sequence[str], at_ns: NDArray[np.int64]) -> Rows:
         new = dict.fromkeys(each for each in models if each not in self._numbers)
         if len(self._numbers) + len(new) > MOST_MODELS:
             new = dict.fromkeys(models)
             self._numbers.clear()
-            self._named_ns, self._since_ns = self._named_ns[:0], self._since_ns[:0]
+            self._named, self._since_ns = self._named[:0], self._since_ns[:0]
         if new:
             self._numbers.update({name: len(self._numbers) + nth for nth, name in enumerate(new)})
-            self._named_ns = np.concatenate([self._named_ns, np.zeros((len(new), MAX_CLASSES), np.int64)])
+            self._named = np.concatenate([self._named, np.zeros((len(new), MAX_CLASSES), np.bool_)])
             self._since_ns = np.concatenate([self._since_ns, np.full(len(new), at_ns.max(initial=0))])
         return np.array([self._numbers[name] for name in models], np.intp)

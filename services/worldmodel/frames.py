@@ -1,6 +1,6 @@
 """Views of several cameras as arrays: their objects, poses and grids of depth, one after another. Pure."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
@@ -15,6 +15,9 @@ Floats = NDArray[np.float64]
 
 FIELDS: Final = 11 + REACHES
 """Columns of `Frames.objects`: x, y, z, depth, low, high, score, box (4), reaches in millimetres."""
+
+MOST_VIEWS: Final = 50
+"""So many are compared with what is known at once: arrays of more are larger than caches, of fewer there are more."""
 
 _BLIND: Final = np.zeros(1, np.uint16)
 """The grid of a view without one: a single cell without a reading."""
@@ -91,6 +94,22 @@ class Frames:
         camera = self.camera.copy()
         camera[:, :2] += offsets[:, :2]
         return camera, turned @ self.rotation
+
+
+def rounds(views: Sequence[tuple[CameraView, int]]) -> Iterator[list[tuple[CameraView, int]]]:
+    """Yield views, and when each was taken, in groups in which no robot is twice; a robot's stay in their order."""
+    rest = views
+    while rest:
+        now: dict[str, tuple[CameraView, int]] = {}
+        later = []
+        for each in rest:
+            robot = each[0].header.robot
+            if robot in now or len(now) == MOST_VIEWS:
+                later.append(each)
+            else:
+                now[robot] = each
+        rest = later
+        yield list(now.values())
 
 
 def _cells(depths: memoryview | None) -> NDArray[np.uint16]:

@@ -93,6 +93,10 @@ def _inverses(matrices: Floats) -> Floats:
 Rows = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 
+NS: Final = 1_000_000_000
+PULL: Final = 3.0
+"""How much faster than localisation errors change objects are drawn to where poses as they came say that they are."""
+
 GROWN_M: Final = 0.08
 GROWN_SIGMAS: Final = 2.5
 """An edge that is farther out by so much, and so many standard deviations, had not been seen whole."""
@@ -173,6 +177,22 @@ def _fuse_heights(objects: Objects, rows: Rows, seen: Sightings, compound: Bools
         gain = variance[rows] / (variance[rows] + noise)
         kept[rows] += gain * residual
         variance[rows] = np.maximum((1 - gain) * variance[rows], LEAST_VARIANCE)
+
+
+def draw_to_poses(
+    objects: Objects, rows: Rows, *, offsets: Floats, away: Floats, at_ns: NDArray[np.int64], seconds: float
+) -> None:
+    """Draw objects to where poses as they came say that they are: offsets only tell robots apart.
+
+    offsets: (n, 3) x, y, yaw that poses were corrected by. away: (n, 2) where each is from its camera. seconds: until a
+    localisation error is another one.
+    """
+    passed = np.clip((at_ns - objects.last_ns[rows]) / NS, 0.0, 1.0)
+    objects.watched_s[rows] += passed
+    share = PULL * passed / (seconds + objects.watched_s[rows])
+    x, y, yaw = offsets.T
+    by = -np.stack([x - yaw * away[:, 1], y + yaw * away[:, 0]], axis=1) * share[:, np.newaxis]
+    objects.shift(rows, by, by @ UNITS.T)
 
 
 def fit(objects: Objects, rows: Rows, classes: Classes) -> None:

@@ -1,7 +1,7 @@
 """A site's model: takes views in, knows the objects. Pure: time is an argument."""
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 from typing import Final
@@ -14,14 +14,14 @@ from services.worldmodel.association import Assignment, assign, close, displaced
 from services.worldmodel.classes import Classes
 from services.worldmodel.events import Event
 from services.worldmodel.evidence import FARTHEST_M, NAMED_NS, Looks, Vocabulary, floor_levels, look
-from services.worldmodel.frames import Frames
-from services.worldmodel.fusion import fuse, is_compound
+from services.worldmodel.frames import Frames, rounds
+from services.worldmodel.fusion import draw_to_poses, fuse, is_compound
 from services.worldmodel.motion import drifts, move, moves
 from services.worldmodel.names import CameraName, Numbers
 from services.worldmodel.object_lifecycle import ObjectLifecycle, Rules, gain, note_seers
 from services.worldmodel.objects import Index, Objects
 from services.worldmodel.offsets import RIGHT, Offsets
-from services.worldmodel.placement import UNITS, Sightings, place
+from services.worldmodel.placement import Sightings, place
 from services.worldmodel.solids import covers_several
 
 Rows = NDArray[np.intp]
@@ -33,15 +33,9 @@ NS: Final = 1_000_000_000
 SETTLED: Final = 5
 """Sightings after which an object says where the robots are that see it."""
 
-MOST_VIEWS: Final = 50
-"""So many are compared with what is known at once: arrays of more are larger than caches, of fewer there are more."""
-
 NEW_VIEWS: Final = 2.5
 """Cameras of one robot may see the same: a thing is new for so many times as long as one takes from view to view, and
 no longer than so many seconds."""
-
-PULL: Final = 3.0
-"""How much faster than localisation errors change objects are drawn to where poses as they came say that they are."""
 
 KNOWN_M2: Final = 0.25
 """Variance from which on an object says nothing of where a robot is."""
@@ -50,6 +44,7 @@ SWEEP_NS: Final = 6 * NS
 DOUBTED: Final = "of a robot whose pose is doubted"
 UNLOCATED: Final = "of a robot without a map frame"
 OTHER_NAME: Final = "another model's class names"
+_MORE_CAMERAS: Final = 256
 
 
 class SiteModel:
@@ -88,8 +83,14 @@ class SiteModel:
         """Take in views, in the order in which they were taken, and return what changed."""
         self.lifecycle.begin()
         self.views += len(views)
-        for some in self._rounds(views):
-            self._round(some)
+        located = []
+        for view, at_ns in views:
+            if view.position is None:
+                self.left_out[view.header.robot, UNLOCATED] += sum(view.unmeasured.values())
+            else:
+                located.append((view, at_ns))
+        for some in rounds(located):
+            self._round(self._frames(some))
         if views and views[-1][1] - self._swept_ns > SWEEP_NS:
             self._swept_ns = views[-1][1]
             self.lifecycle.sweep(self._swept_ns)
@@ -102,6 +103,8 @@ class SiteModel:
         for name in classes:
             self.classes.number(name)
         self.cameras.restore(cameras)
+        self._robot_of = np.array([self.robots.number(robot) if robot else -1 for robot, _ in cameras], np.int64)
+        self.offsets.reserve(len(self.robots.names))
         self.lifecycle.restore(objects, next_number)
 
     def set_back(self, now_ns: int) -> None:
@@ -139,29 +142,16 @@ class SiteModel:
         """Which rows are near a place."""
         return self.lifecycle.index
 
-    def _rounds(self, views: Sequence[tuple[CameraView, int]]) -> Iterator[Frames]:
-        """Yield views in groups in which no robot is twice, each of MOST_VIEWS at most."""
-        rest = list(views)
-        while rest:
-            now: dict[str, tuple[CameraView, int]] = {}
-            later = []
-            for view, at_ns in rest:
-                robot = view.header.robot
-                if view.position is None:
-                    self.left_out[robot, UNLOCATED] += sum(view.unmeasured.values())
-                elif robot in now or len(now) == MOST_VIEWS:
-                    later.append((view, at_ns))
-                else:
-                    now[robot] = view, at_ns
-            rest = later
-            if now:
-                some = [view for view, _ in now.values()]
-                cameras = [self.cameras.number((each.header.robot, each.header.camera)) for each in some]
-                robots = [self.robots.number(each.header.robot) for each in some]
-                self.offsets.reserve(len(self.robots.names))  # even where a view fails below, its robot has a number
-                self._robot_of = np.append(self._robot_of, np.full(len(self.cameras.names) - len(self._robot_of), -1))
-                self._robot_of[cameras] = robots
-                yield Frames.of(some, [at_ns for _, at_ns in now.values()], robots, cameras)
+    def _frames(self, views: Sequence[tuple[CameraView, int]]) -> Frames:
+        headers = [view.header for view, _ in views]
+        cameras = [self.cameras.number((each.robot, each.camera)) for each in headers]
+        robots = [self.robots.number(each.robot) for each in headers]
+        self.offsets.reserve(len(self.robots.names))  # even where a view fails below, its robot has a number
+        more = len(self.cameras.names) - len(self._robot_of)
+        if more > 0:
+            self._robot_of = np.concatenate([self._robot_of, np.full(more + _MORE_CAMERAS, -1)])
+        self._robot_of[cameras] = robots
+        return Frames.of([view for view, _ in views], [at_ns for _, at_ns in views], robots, cameras)
 
     def _round(self, frames: Frames) -> None:
         objects, offsets = self.objects, self.offsets
@@ -242,13 +232,21 @@ class SiteModel:
         met, by_place = (np.isin(keys(looks.frame, looks.rows), keys(seen.frame[of.seen], of.of)) for of in found)
         by_name = named[looks.frame, objects.cls[looks.rows]]
         expected, there = by_name | by_place | looks.past, met | by_place
-        strange = self._strange(frames, seen, found)
+        missed, missed_of_others, strange = (
+            np.bincount(frame, minlength=count)
+            for frame in (
+                looks.frame[expected & ~there],
+                looks.frame[expected & ~there & self._seen_by_others(frames, looks)],
+                seen.frame[self._strange(frames, seen, found)],
+            )
+        )
         sane = self.offsets.judge(
             frames.robots,
             np.bincount(looks.frame[expected], minlength=count),
             np.bincount(looks.frame[there], minlength=count),
             looked_past=np.bincount(looks.frame[looks.past & ~there], minlength=count),
-            strange=np.bincount(seen.frame[strange], minlength=count),
+            # where only this robot works, more may have been brought than taken while it was away
+            strange=np.where(missed_of_others > 0, strange, np.minimum(strange, missed)),
             floor_m=floor_m,
         )
         counted = by_name & (self.offsets.doubted[frames.robots] == RIGHT)[looks.frame]
@@ -267,10 +265,12 @@ class SiteModel:
 
     def _spared(self, frames: Frames, looks: Looks, sane: Bools) -> Bools:
         """Return which looks remove nothing: of wrong depth, or of unsure robots at objects that another robot saw."""
-        known, seers = self.objects.confirmed[looks.rows], self.objects.seers[looks.rows]
-        robots = frames.robots[looks.frame]
-        others = ((seers >= 0) & (self._robot_of[seers] != robots[:, np.newaxis])).any(axis=1)
-        return np.asarray(~sane[looks.frame] | (known & others & ~self.offsets.sure[robots]))
+        spared = self.objects.confirmed[looks.rows] & self._seen_by_others(frames, looks)
+        return np.asarray(~sane[looks.frame] | (spared & ~self.offsets.sure[frames.robots[looks.frame]]))
+
+    def _seen_by_others(self, frames: Frames, looks: Looks) -> Bools:
+        seers, robots = self.objects.seers[looks.rows], frames.robots[looks.frame]
+        return np.asarray(((seers >= 0) & (self._robot_of[seers] != robots[:, np.newaxis])).any(axis=1))
 
     def _rename(self, frames: Frames, seen: Sightings, found: Assignment, since_ns: NDArray[np.int64]) -> None:
         """Note that things are there that have another name; they take it if nobody calls them by theirs for long."""
@@ -313,7 +313,14 @@ class SiteModel:
         single = ~several[which] | self.classes.is_large(objects.cls[rows])
         some, of = which[single], rows[single]
         fuse(objects, self.classes, of, seen.taken(some), pose=pose[some], repeats=repeats[single])
-        self._anchor(seen, which, rows, robots, at_ns)
+        draw_to_poses(
+            objects,
+            rows,
+            offsets=self.offsets.state[robots],
+            away=seen.away[which],
+            at_ns=at_ns,
+            seconds=rules.localisation.seconds,
+        )
         objects.series_ns[rows] = at_ns
         objects.logit[rows] = np.minimum(objects.logit[rows] + gain(rules, seen, which), rules.most)
         objects.hits[rows] += 1
@@ -340,14 +347,3 @@ class SiteModel:
         )
         known = (covariance[:, 0] < KNOWN_M2) & (covariance[:, 2] < KNOWN_M2)
         self.offsets.correct(robots[known], seen.away[which[known]], moved[known], covariance[known])
-
-    def _anchor(self, seen: Sightings, which: Rows, rows: Rows, robots: Rows, at_ns: NDArray[np.int64]) -> None:
-        """Draw objects to where poses as they came say that they are: offsets only tell robots apart."""
-        objects = self.objects
-        passed = np.clip((at_ns - objects.last_ns[rows]) / NS, 0.0, 1.0)
-        objects.watched_s[rows] += passed
-        share = PULL * passed / (self.rules.localisation.seconds + objects.watched_s[rows])
-        x, y, yaw = self.offsets.state[robots].T
-        away = seen.away[which]
-        by = -np.stack([x - yaw * away[:, 1], y + yaw * away[:, 0]], axis=1) * share[:, np.newaxis]
-        objects.shift(rows, by, by @ UNITS.T)

@@ -77,6 +77,10 @@ EMPTY: Final = 0.5
 CHANGED_VIEWS: Final = 1_000
 """If so many views contradict, and none of any robot fits meanwhile, the site has changed and nobody is lost."""
 
+MOVED_M: Final = 0.1
+"""How far a camera must have moved for its view to count as another one of those, or of a place that is empty: what a
+robot that stands still shows is shown once."""
+
 RIGHT, LOST, JUMPED, WRONG_DEPTH = 0, 1, 2, 3
 REASONS: Final = (
     "",
@@ -216,15 +220,18 @@ class Offsets:
         wrong = elsewhere | (deep & ~nothing_expected)
         counts = self._counts(robots, wrong)
         contradicts = elsewhere | (emptied & astray)  # those who may be anywhere look past all that is not there
-        self._contradicted += int(contradicts.sum())
+        unsure = emptied & ~astray & ~sure
+        moved_on = self._cameras.moved_on(self._camera[robots], contradicts | unsure)
+        self._contradicted += int((contradicts & moved_on).sum())
         changed = contradicts & (self._contradicted >= CHANGED_VIEWS)
         wrong &= ~changed
-        weight = np.where(deep, FEWEST, np.minimum(missed, FEWEST))
+        weight = np.where(deep, FEWEST, np.minimum(expected, FEWEST))
         others = np.where(deep, MOST_STRANGE, np.minimum(strange, MOST_STRANGE))
         cost = np.where(sure, weight * PER_OBJECT, others * PER_STRANGE)
         alone = nothing_expected & ((doubted == JUMPED) | ((doubted == WRONG_DEPTH) & shows_floor))
         gained = np.where(fits, np.minimum(expected, FEWEST) * PER_OBJECT, 0)
-        gained += np.where((emptied & ~astray) | changed | alone, TRUST_VIEWS, 0)
+        cleared = emptied & ~astray & (sure | moved_on)
+        gained += np.where(cleared | changed | alone, TRUST_VIEWS, 0)
         gained -= np.where(wrong & counts, cost, 0)
         trust = np.clip(self._trust[robots] + gained, 0, MOST_TRUST)
         self._trust[robots] = np.where(wrong & (doubted != RIGHT), 0, trust)
@@ -274,10 +281,12 @@ class _LastPoses:
     def __init__(self) -> None:
         self._at_ns = np.zeros(0, np.int64)
         self._position = np.zeros((0, 3))
+        self._counted = np.zeros((0, 3))
 
     def forget(self, cameras: Rows) -> None:
         """Forget where cameras were."""
-        self._at_ns[cameras[cameras < len(self._at_ns)]] = 0
+        known = cameras[cameras < len(self._at_ns)]
+        self._at_ns[known], self._counted[known] = 0, np.inf
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now."""
@@ -285,15 +294,28 @@ class _LastPoses:
 
     def move(self, cameras: Rows, at_ns: NDArray[np.int64], position: Floats) -> tuple[Bools, NDArray[np.int64]]:
         """Return which cameras moved faster than robots do, and how long ago their last views were, in nanoseconds."""
-        more = int(cameras.max(initial=-1)) + 1 - len(self._at_ns)
-        if more > 0:
-            self._at_ns = np.concatenate([self._at_ns, np.zeros(more + _FIRST, np.int64)])
-            self._position = np.concatenate([self._position, np.zeros((more + _FIRST, 3))])
+        self._reserve(int(cameras.max(initial=-1)) + 1)
         before = self._at_ns[cameras]
         passed_ns = np.maximum(at_ns - before, 0)
         moved = np.hypot(*(position - self._position[cameras])[:, :2].T)
         self._at_ns[cameras], self._position[cameras] = at_ns, position
         return (before > 0) & (moved > JUMP_M + JUMP_M_S * passed_ns / NS), passed_ns
+
+    def moved_on(self, cameras: Rows, which: Bools) -> Bools:
+        """Return which of these cameras are MOVED_M from where they were when they were last returned."""
+        self._reserve(int(cameras.max(initial=-1)) + 1)
+        away = np.hypot(*(self._position[cameras] - self._counted[cameras])[:, :2].T)
+        moved = which & (away >= MOVED_M)
+        self._counted[cameras[moved]] = self._position[cameras[moved]]
+        return np.asarray(moved)
+
+    def _reserve(self, count: int) -> None:
+        more = count - len(self._at_ns)
+        if more > 0:
+            more += _FIRST
+            self._at_ns = np.concatenate([self._at_ns, np.zeros(more, np.int64)])
+            self._position = np.concatenate([self._position, np.zeros((more, 3))])
+            self._counted = np.concatenate([self._counted, np.full((more, 3), np.inf)])
 
 
 def _sums(group: Rows, count: int, away: Floats, moved: Floats, covariance: Floats) -> tuple[Floats, Floats]:

@@ -21,7 +21,7 @@ from schemas.world import (
 from services.geometry.boxes import is_itself
 from services.worldmodel.events import Event
 from services.worldmodel.model import SiteModel
-from services.worldmodel.offsets import REASONS
+from services.worldmodel.offsets import REASONS, RIGHT
 
 Rows = NDArray[np.intp]
 
@@ -153,6 +153,7 @@ class Inventory:
                 last_ns=int(offsets.at_ns[number]),
             )
             for name, number in islice(self.model.robots.items(), min(MAX_ROBOTS, len(offsets.state)))
+            if offsets.views[number] or offsets.doubted[number] != RIGHT  # others were there before a restart
         ]
 
     def counts(self) -> dict[str, int]:

@@ -105,6 +105,17 @@ def test_a_class_that_has_another_ones_number_by_now_is_not_missed_by_a_model_th
     assert model.objects.looks[rows].tolist() == before
 
 
+def test_what_was_taken_for_a_class_that_is_rare_goes_when_its_model_gives_none_there_any_more() -> None:
+    things = [*TWO, Thing(5.2, 0.9, (0.4, 0.4, 0.9), name="drum")]
+    model = knowing(things)
+    kinds = []
+    for step in range(400):
+        at_s = KNOWN_S + step / 2
+        kinds += model.take(view(things, Camera(), at_s, blind_to=[2]), round(at_s * NS))
+    assert [each.kind.value for each in kinds] == ["gone"]
+    assert are_at(known(model), TWO)
+
+
 def test_invented_models_are_bounded() -> None:
     model = knowing(TWO)
     seen = view(TWO, Camera(), KNOWN_S)

@@ -13,6 +13,7 @@ from services.worldmodel import offsets as offsets_module
 from services.worldmodel.evidence import FloorLevels
 from services.worldmodel.model import SiteModel
 from services.worldmodel.offsets import ALONE_VIEWS, CHANGED_VIEWS, LOST, REASONS, RIGHT, WRONG_DEPTH
+from services.worldmodel.state import restored, saved
 from tests.services.worldmodel.scene import (
     FOUR,
     KNOWN_S,
@@ -123,6 +124,39 @@ def test_things_that_cameras_of_a_robot_just_started_see_together_count_as_what_
         assert doubted(model, "r2") == RIGHT, step
 
 
+def test_a_lost_robot_that_stands_still_stays_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(offsets_module, "CHANGED_VIEWS", CHANGED_VIEWS // 10)
+    model = knowing(TWO)
+    before = known(model)
+    assert look_on(model, TWO, Camera(robot="r2", off=(0.0, 1.5, 0.0)), 2 * CHANGED_VIEWS // 10, start_s=60.0) == []
+    assert (doubted(model, "r2"), known(model)) == (LOST, before)
+
+
+@pytest.mark.parametrize("off", [(0.0, 1.5, 0.0), (-1.2, 0.0, 0.0), (0.0, 0.0, 0.4)], ids=str)
+def test_a_pose_that_slips_is_noticed_though_one_thing_fits_by_chance(off: tuple[float, float, float]) -> None:
+    model = knowing(FOUR, ("r1", "r2"))
+    look_on(model, FOUR, Camera(robot="r2", off=off), 40)
+    assert doubted(model, "r2") == LOST
+
+
+def test_where_one_robot_works_alone_more_may_be_brought_than_taken() -> None:
+    model = knowing(TWO[:1])
+    look_on(model, [], Camera(yaw=np.pi), 120)  # longer than it stays sure
+    brought = [Thing(3.2, -0.8), Thing(4.6, 0.0)]
+    assert sorted(look_on(model, brought, Camera(), 20, start_s=80.0)) == ["appeared", "appeared", "gone"]
+    assert doubted(model, "r1") == RIGHT
+    assert are_at(known(model), brought)
+
+
+def test_after_a_restart_a_robot_knows_what_it_saw_itself_with_another_camera() -> None:
+    model = SiteModel()
+    watch(model, FOUR, [Camera(name="back")], 1.0, 20)
+    look_on(model, [], Camera(name="front", yaw=np.pi), 2)
+    after = SiteModel()
+    restored("hall", saved("hall", "a", 0, model), after)
+    assert look_on(after, [], Camera(name="front"), 5, start_s=20.0) == ["gone"] * len(FOUR)
+
+
 def test_all_that_is_taken_away_at_once_is_gone() -> None:
     model = knowing(FOUR)
     assert look_on(model, [], Camera(), 5) == ["gone"] * len(FOUR)
@@ -133,8 +167,8 @@ def test_all_that_is_taken_away_at_once_is_gone() -> None:
 def test_what_another_robot_saw_is_gone_when_one_that_fits_or_looks_for_long_sees_past_it() -> None:
     model = knowing(FOUR)
     other = Camera(robot="r2")
-    assert look_on(model, [], other, ALONE_VIEWS // 2) == []
-    assert look_on(model, [], other, ALONE_VIEWS // 2, start_s=20.0) == ["gone"] * len(FOUR)
+    assert look_on(model, [], other, ALONE_VIEWS // 2, sways=True) == []
+    assert look_on(model, [], other, ALONE_VIEWS // 2, start_s=20.0, sways=True) == ["gone"] * len(FOUR)
     model = knowing(FOUR)
     assert look_on(model, FOUR, other, 3) == []
     assert look_on(model, [], other, 3, start_s=13.0) == ["gone"] * len(FOUR)
@@ -151,7 +185,7 @@ def test_what_is_not_confirmed_yet_is_nothing_when_one_that_just_started_looks_p
 def test_one_that_fitted_long_ago_is_as_unsure_as_one_that_never_did() -> None:
     model = knowing(FOUR, ("r1", "r2"))
     assert look_on(model, [], Camera(robot="r2"), 6, start_s=60.0) == []
-    assert look_on(model, [], Camera(robot="r2"), 40, start_s=63.0) == ["gone"] * len(FOUR)
+    assert look_on(model, [], Camera(robot="r2"), 40, start_s=63.0, sways=True) == ["gone"] * len(FOUR)
 
 
 def test_some_that_are_moved_together_are_moved_for_one_that_has_just_fitted() -> None:
@@ -234,7 +268,7 @@ def test_a_few_views_that_show_a_pit_do_not_lower_the_floor(pits: int) -> None:
     assert look_on(model, TWO, Camera(), pits, partial(with_low_part, depth_mm=9_900)) == []
     assert look_on(model, TWO, Camera(), 60, without_depth, start_s=13.0) == []
     assert doubted(model, "r1") == WRONG_DEPTH
-    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, start_s=50.0) == ["gone"] * len(TWO)
+    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, start_s=50.0, sways=True) == ["gone"] * len(TWO)
 
 
 def test_a_floor_that_was_deep_for_long_comes_back() -> None:
@@ -262,7 +296,7 @@ def test_where_the_maps_zero_is_below_the_floor_one_that_is_unsure_sees_what_is_
     raised = partial(higher, by_m=1.0)
     look_on(model, FOUR, Camera(), 20, raised, start_s=1.0)
     assert len(known(model)) == len(FOUR)
-    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, raised) == ["gone"] * len(FOUR)
+    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, raised, sways=True) == ["gone"] * len(FOUR)
 
 
 def test_a_camera_that_shows_its_own_forks_sees_what_is_gone() -> None:
@@ -271,14 +305,22 @@ def test_a_camera_that_shows_its_own_forks_sees_what_is_gone() -> None:
 
     model = knowing(FOUR)
     look_on(model, FOUR, Camera(robot="r2"), 10, with_forks)
-    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, with_forks, start_s=60.0) == ["gone"] * len(FOUR)
+    other = Camera(robot="r2")
+    assert look_on(model, [], other, ALONE_VIEWS, with_forks, start_s=60.0, sways=True) == ["gone"] * len(FOUR)
+
+
+def test_a_robot_just_started_that_stands_still_removes_nothing_that_others_saw() -> None:
+    model = knowing(FOUR)
+    before = known(model)
+    assert look_on(model, [], Camera(robot="r2"), 10 * ALONE_VIEWS) == []
+    assert known(model) == before
 
 
 def test_a_site_in_which_no_robot_fits_any_more_has_changed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(offsets_module, "CHANGED_VIEWS", CHANGED_VIEWS // 10)
     model = knowing(FOUR)
     elsewhere = [moved(each, 0.7, -1.0) for each in FOUR]
-    look_on(model, elsewhere, Camera(), CHANGED_VIEWS // 10, start_s=16.0)
+    look_on(model, elsewhere, Camera(), CHANGED_VIEWS // 10, start_s=16.0, sways=True)
     assert doubted(model, "r1") == LOST
     assert len(known(model)) == len(FOUR)
     look_on(model, elsewhere, Camera(), 50, start_s=70.0)
