@@ -30,7 +30,7 @@ BASE: Final = 36
 _DIGITS: Final = "0123456789abcdefghijklmnopqrstuvwxyz"
 
 
-class Inventory:
+class PublishedObjects:
     """Turns rows of a model into messages. site: its name. prefix: of ids, another one for each model begun anew."""
 
     def __init__(self, site: str, prefix: str, model: SiteModel) -> None:

@@ -36,7 +36,7 @@ from services.worldmodel.model import SiteModel
 from services.worldmodel.names import CameraName, LeftOut, Roster
 from services.worldmodel.object_lifecycle import Rules
 from services.worldmodel.offsets import Localisation
-from services.worldmodel.published_objects import Inventory
+from services.worldmodel.published_objects import PublishedObjects
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.state import RUNS, StateError, restored, saved
 
@@ -130,7 +130,7 @@ class Site:
                 self.model.set_back(time.time_ns())  # its clock may have been ahead
             except StateError as error:
                 log.warning("site %s: begun anew: %s", name, error)
-        self._inventory = Inventory(name, prefix, self.model)
+        self._published = PublishedObjects(name, prefix, self.model)
         self._epoch = uuid4().hex[:12]
         self._floor = Floor()
         self._roster = Roster((camera for camera, _ in self.model.cameras.items()), time.time_ns())
@@ -142,7 +142,7 @@ class Site:
 
     def state(self) -> bytes:
         """Return what another worker goes on with."""
-        return saved(self._name, self._inventory.prefix, self._last, self.model)
+        return saved(self._name, self._published.prefix, self._last, self.model)
 
     async def run(self, keep: Callable[[bytes], None] = lambda _: None) -> None:
         """Serve the site until cancelled. keep: called with the state now and then."""
@@ -185,7 +185,7 @@ class Site:
             try:
                 self.model.take_all(views)
             finally:  # what changed before it failed has changed
-                self._tell(told, [self._inventory.change(event) for event in self.model.lifecycle.events])
+                self._tell(told, [self._published.change(event) for event in self.model.lifecycle.events])
             for view, at_ns in views:
                 if self.model.trusts(view.header.robot):  # a lost one looked at floor elsewhere
                     self._floor.take(view, at_ns)
@@ -232,7 +232,7 @@ class Site:
         every_ns = int(self._settings.refresh_s * 1e9)
         while True:
             await asyncio.sleep(REFRESH_S)
-            self._tell(told, self._inventory.refreshed(time.time_ns(), every_ns))
+            self._tell(told, self._published.refreshed(time.time_ns(), every_ns))
 
     async def _keep_state(self, states: Publisher, keep: Callable[[bytes], None]) -> None:
         due = 0
@@ -261,7 +261,7 @@ class Site:
                         frame_id=settings.frame,
                         sent_ns=now_ns,
                         radius_m=settings.nearby_m,
-                        objects=self._inventory.nearby(robot, settings.nearby_m, since_ns),
+                        objects=self._published.nearby(robot, settings.nearby_m, since_ns),
                     )
                     publisher.put(codec.encode(message))
 
@@ -271,7 +271,7 @@ class Site:
         except SchemaError as error:
             raise RefusedError(str(error)) from error
         now_ns = time.time_ns()
-        objects, complete = self._inventory.matching(asked, now_ns)
+        objects, complete = self._published.matching(asked, now_ns)
         answer = WorldAnswer(
             site=self._name, epoch=self._epoch, last=self._last, now_ns=now_ns, objects=objects, complete=complete
         )
@@ -281,14 +281,14 @@ class Site:
         return Reply(codec.encode(self._floor.message(self._name, time.time_ns())), codec.encoding(FloorLooks))
 
     def _status(self) -> SiteStatus:
-        model, robots = self.model, self._inventory.robots()
+        model, robots = self.model, self._published.robots()
         return SiteStatus(
             site=self._name,
             epoch=self._epoch,
             worker=self._settings.worker,
             sent_ns=time.time_ns(),
             last=self._last,
-            objects=self._inventory.counts(),
+            objects=self._published.counts(),
             tentative=int((model.objects.number >= 0).sum() - model.objects.confirmed.sum()),
             views=model.views,
             sightings=model.sightings,

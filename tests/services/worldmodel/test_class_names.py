@@ -13,7 +13,7 @@ from services.worldmodel.classes import MAX_CLASSES
 from services.worldmodel.evidence import MOST_MODELS
 from services.worldmodel.model import SiteModel
 from services.worldmodel.offsets import RIGHT
-from services.worldmodel.published_objects import Inventory
+from services.worldmodel.published_objects import PublishedObjects
 from services.worldmodel.state import restored, saved
 from tests.services.worldmodel.scene import (
     FOUR,
@@ -86,7 +86,7 @@ def test_after_a_restart_things_take_the_names_of_another_model_too() -> None:
     cartons = [replace(each, name="carton") for each in FOUR]
     assert look_on(model, cartons, Camera(), 140, partial(with_model, model="other")) == []
     assert [each.name for each in known(model)] == ["carton"] * len(FOUR)
-    assert [each.doubted for each in Inventory("hall", "a", model).robots()] == [""]
+    assert [each.doubted for each in PublishedObjects("hall", "a", model).robots()] == [""]
 
 
 def test_a_class_that_has_another_ones_number_by_now_is_not_missed_by_a_model_that_gave_that_one() -> None:

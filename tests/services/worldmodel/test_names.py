@@ -18,7 +18,7 @@ from services.worldmodel import names
 from services.worldmodel.floor import Floor
 from services.worldmodel.model import UNLOCATED, SiteModel
 from services.worldmodel.names import ABSENT_NS, TOO_MANY_CAMERAS, TOO_MANY_ROBOTS, LeftOut, Numbers, Roster
-from services.worldmodel.published_objects import Inventory
+from services.worldmodel.published_objects import PublishedObjects
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import Site, ViewReader
 from services.worldmodel.state import restored, saved
@@ -99,19 +99,19 @@ def test_a_robot_that_is_forgotten_leaves_what_it_saw_and_nothing_of_itself() ->
     before = known(model)
     model.forget({"r1"}, [("r1", "front")])
     assert known(model) == before
-    inventory = Inventory("hall", "a1", model)
-    assert [each.robot for each in inventory.robots()] == ["r2"]
-    assert inventory.nearby("r1", 8.0, 0) == []
-    objects, _ = inventory.matching(WorldRequest(), 10 * NS)
+    published = PublishedObjects("hall", "a1", model)
+    assert [each.robot for each in published.robots()] == ["r2"]
+    assert published.nearby("r1", 8.0, 0) == []
+    objects, _ = published.matching(WorldRequest(), 10 * NS)
     assert {seer.robot for each in objects for seer in each.seen_by} == {"r2"}
     assert model.left_out["", UNLOCATED] == 2
     again = SiteModel()
     restored("hall", saved("hall", "a1", 7, model), again)
-    assert Inventory("hall", "a1", again).matching(WorldRequest(), 10 * NS)[0] == objects
+    assert PublishedObjects("hall", "a1", again).matching(WorldRequest(), 10 * NS)[0] == objects
 
     watch(model, THINGS, [Camera(20.0, 0.0, np.pi, robot="r3")], 5.0, 1)  # a jump, were it r1 still
     assert (model.robots.names, model.cameras.names) == (["r3", "r2"], [("r3", "front"), ("r2", "front")])
-    (newest,) = [each for each in inventory.robots() if each.robot == "r3"]
+    (newest,) = [each for each in published.robots() if each.robot == "r3"]
     assert (newest.views, newest.doubted) == (1, "")
 
 

@@ -11,7 +11,7 @@ from schemas.world import MAX_CELLS, WorldRequest
 from services.worldmodel.floor import BLOCK, CELL_M, EVERY_NS, MOST_BLOCKS, Floor
 from services.worldmodel.model import SiteModel
 from services.worldmodel.names import Roster
-from services.worldmodel.published_objects import Inventory, inside
+from services.worldmodel.published_objects import PublishedObjects, inside
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import REPLACED, Site, ViewReader
 from services.worldmodel.state import StateError, restored, saved
@@ -22,32 +22,32 @@ NOW_NS = 10 * NS
 ENCODING = codec.encoding(CameraView)
 
 
-def seen() -> Inventory:
+def seen() -> PublishedObjects:
     model = SiteModel()
     watch(model, THINGS, [Camera(robot="r1"), Camera(0.5, 0.0, robot="r2")], 1.0, 6)
     watch(model, THINGS[:1], [Camera(0.5, 0.8, robot="r3")], 5.0, 2)
-    return Inventory("hall-2", "a1", model)
+    return PublishedObjects("hall-2", "a1", model)
 
 
-def names(inventory: Inventory, asked: WorldRequest) -> list[str]:
-    return [each.name for each in inventory.matching(asked, NOW_NS)[0]]
+def names(published: PublishedObjects, asked: WorldRequest) -> list[str]:
+    return [each.name for each in published.matching(asked, NOW_NS)[0]]
 
 
 def test_objects_are_found_by_class_region_robot_and_age() -> None:
-    inventory = seen()
-    assert names(inventory, WorldRequest()) == ["box", "box", "pallet"]
-    assert names(inventory, WorldRequest(name="pallet")) == ["pallet"]
-    assert names(inventory, WorldRequest(name="drum")) == []
-    assert names(inventory, WorldRequest(region=[(2, 0), (3.5, 0), (3.5, 2), (2, 2)])) == ["box"]
-    assert names(inventory, WorldRequest(robot="r3")) == ["box"]
-    assert names(inventory, WorldRequest(seen_within_s=5.0)) == ["box"]
-    assert names(inventory, WorldRequest(unseen_for_s=5.0)) == ["box", "pallet"]
-    assert names(inventory, WorldRequest(least_existence=1.0)) == []
+    published = seen()
+    assert names(published, WorldRequest()) == ["box", "box", "pallet"]
+    assert names(published, WorldRequest(name="pallet")) == ["pallet"]
+    assert names(published, WorldRequest(name="drum")) == []
+    assert names(published, WorldRequest(region=[(2, 0), (3.5, 0), (3.5, 2), (2, 2)])) == ["box"]
+    assert names(published, WorldRequest(robot="r3")) == ["box"]
+    assert names(published, WorldRequest(seen_within_s=5.0)) == ["box"]
+    assert names(published, WorldRequest(unseen_for_s=5.0)) == ["box", "pallet"]
+    assert names(published, WorldRequest(least_existence=1.0)) == []
 
 
 def test_an_object_says_where_it_is_and_who_saw_it() -> None:
-    inventory = seen()
-    ((box,), whole) = inventory.matching(WorldRequest(robot="r3"), NOW_NS)
+    published = seen()
+    ((box,), whole) = published.matching(WorldRequest(robot="r3"), NOW_NS)
     assert whole
     assert (box.id.startswith("a1-"), box.site, box.velocity) == (True, "hall-2", None)
     assert box.at == pytest.approx((3.0, 0.8, 0.2), abs=0.06)
@@ -57,43 +57,43 @@ def test_an_object_says_where_it_is_and_who_saw_it() -> None:
 
 
 def test_what_is_near_a_robot_is_told_nearest_first() -> None:
-    inventory = seen()
-    near = inventory.nearby("r1", 3.5, 0)
+    published = seen()
+    near = published.nearby("r1", 3.5, 0)
     assert [each.name for each in near] == ["box"]
-    assert len(inventory.nearby("r1", 8.0, 0)) == 3
-    assert inventory.nearby("r1", 8.0, NOW_NS) == []
-    assert inventory.nearby("nobody", 8.0, 0) == []
+    assert len(published.nearby("r1", 8.0, 0)) == 3
+    assert published.nearby("r1", 8.0, NOW_NS) == []
+    assert published.nearby("nobody", 8.0, 0) == []
 
 
 def test_a_robot_that_others_see_is_no_obstacle_to_itself() -> None:
-    inventory = seen()
+    published = seen()
     truck = Thing(5.5, 0.0, (2.0, 1.2, 2.0), name="forklift")
-    watch(inventory.model, [*THINGS, truck], [Camera(robot="r1"), Camera(0.5, 0.0, robot="r2")], 6.0, 8)
-    watch(inventory.model, [], [Camera(5.5, 0.0, robot="r4"), Camera(4.2, 0.5, robot="r5")], 10.0, 1)
+    watch(published.model, [*THINGS, truck], [Camera(robot="r1"), Camera(0.5, 0.0, robot="r2")], 6.0, 8)
+    watch(published.model, [], [Camera(5.5, 0.0, robot="r4"), Camera(4.2, 0.5, robot="r5")], 10.0, 1)
     every = ["box", "box", "forklift", "pallet"]
-    assert sorted(each.name for each in inventory.nearby("r1", 8.0, 0)) == every
-    assert sorted(each.name for each in inventory.nearby("r4", 8.0, 0)) == ["box", "box", "pallet"]
-    assert sorted(each.name for each in inventory.nearby("r5", 8.0, 0)) == every  # it is over a pallet, and no pallet
+    assert sorted(each.name for each in published.nearby("r1", 8.0, 0)) == every
+    assert sorted(each.name for each in published.nearby("r4", 8.0, 0)) == ["box", "box", "pallet"]
+    assert sorted(each.name for each in published.nearby("r5", 8.0, 0)) == every  # it is over a pallet, and no pallet
 
 
 def test_what_was_seen_is_told_again_but_not_at_once() -> None:
-    inventory = seen()
-    assert inventory.refreshed(6 * NS, 10 * NS) == []
-    assert len(inventory.refreshed(20 * NS, 10 * NS)) == 3
-    assert inventory.refreshed(21 * NS, 10 * NS) == []
+    published = seen()
+    assert published.refreshed(6 * NS, 10 * NS) == []
+    assert len(published.refreshed(20 * NS, 10 * NS)) == 3
+    assert published.refreshed(21 * NS, 10 * NS) == []
 
 
 def test_a_model_goes_on_after_a_restart_with_the_same_ids() -> None:
-    inventory = seen()
-    data = saved("hall-2", "a1", 7, inventory.model)
+    published = seen()
+    data = saved("hall-2", "a1", 7, published.model)
     again = SiteModel()
     assert restored("hall-2", data, again) == ("a1", 7)
-    after = Inventory("hall-2", "a1", again).matching(WorldRequest(), NOW_NS)[0]
-    assert after == inventory.matching(WorldRequest(), NOW_NS)[0]
+    after = PublishedObjects("hall-2", "a1", again).matching(WorldRequest(), NOW_NS)[0]
+    assert after == published.matching(WorldRequest(), NOW_NS)[0]
     assert "appeared" not in watch(again, THINGS, [Camera(robot="r4")], 12.0, 6)
     assert len(known(again)) == len(THINGS)
     watch(again, [*THINGS, Thing(3.0, -0.6)], [Camera(robot="r4")], 16.0, 6)
-    assert len({each.id for each in Inventory("hall-2", "a1", again).matching(WorldRequest(), NOW_NS)[0]}) == 4
+    assert len({each.id for each in PublishedObjects("hall-2", "a1", again).matching(WorldRequest(), NOW_NS)[0]}) == 4
 
 
 def test_runs_that_go_on_from_one_state_give_no_id_that_another_one_gave() -> None:
@@ -105,7 +105,7 @@ def test_runs_that_go_on_from_one_state_give_no_id_that_another_one_gave() -> No
     ids = []
     for model, new in ((first, Thing(3.0, -0.6)), (second, Thing(3.4, -0.2)), (third, Thing(3.4, -0.2))):
         watch(model, [*THINGS, new], [Camera(robot="r4")], 16.0, 6)
-        ids.append({each.id for each in Inventory("hall-2", "a1", model).matching(WorldRequest(), NOW_NS)[0]})
+        ids.append({each.id for each in PublishedObjects("hall-2", "a1", model).matching(WorldRequest(), NOW_NS)[0]})
     assert [len(each) for each in ids] == [len(THINGS) + 1] * 3
     old = set.intersection(*ids)
     assert len(old) == len(THINGS)

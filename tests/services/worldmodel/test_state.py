@@ -6,7 +6,7 @@ import pytest
 
 from services.worldmodel.model import SiteModel
 from services.worldmodel.offsets import ALONE_VIEWS, LOST, REASONS, RIGHT
-from services.worldmodel.published_objects import Inventory
+from services.worldmodel.published_objects import PublishedObjects
 from services.worldmodel.state import restored, saved
 from tests.services.worldmodel.scene import KNOWN_S, TWO, Camera, doubted, knowing, known, look_on, without_depth
 
@@ -18,7 +18,7 @@ def after_restart(before: SiteModel) -> SiteModel:
 
 
 def doubts(model: SiteModel) -> list[str]:
-    return [each.doubted for each in Inventory("hall", "a", model).robots()]
+    return [each.doubted for each in PublishedObjects("hall", "a", model).robots()]
 
 
 def test_a_robot_that_is_doubted_stays_so_after_a_restart() -> None:
