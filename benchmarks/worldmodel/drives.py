@@ -15,7 +15,7 @@ from services.monitor.map.last_seen import SightingMap
 from services.simulator.localisation import Drift, Lost
 from services.worldmodel.events import Event
 from services.worldmodel.model import SiteModel
-from services.worldmodel.published_objects import Inventory
+from services.worldmodel.published_objects import PublishedObjects
 
 LOOK_EVERY_S: Final = 2.0
 """Seconds between two comparisons of ids."""
@@ -136,11 +136,11 @@ class World:
 
     def __init__(self, identify: Callable[[CameraView, Mapping[int, int]], None] | None = None) -> None:
         self.model = SiteModel(identify=identify)
-        self._inventory = Inventory("hall", "b", self.model)
+        self._published = PublishedObjects("hall", "b", self.model)
 
     def take(self, replayed: Replayed) -> list[WorldChange]:
         """Take an image in, and return what changed."""
-        return [self._inventory.change(event) for event in self.events(replayed)]
+        return [self._published.change(event) for event in self.events(replayed)]
 
     def events(self, replayed: Replayed) -> list[Event]:
         """Take an image in, and return what changed, by the numbers of objects."""
@@ -155,7 +155,7 @@ class World:
         """Return the objects that it knows."""
         objects = self.model.objects
         rows = objects.known()
-        known = (self._inventory.object(int(row)) for row in rows[objects.confirmed[rows]])
+        known = (self._published.object(int(row)) for row in rows[objects.confirmed[rows]])
         return [FoundObject(each.id, each.name, each.at) for each in known]
 
 

@@ -16,6 +16,7 @@ from schemas import codec
 from schemas.distances import REACHES, CameraView, DepthGrid, ViewedObject
 from schemas.header import Header
 from services.worldmodel.model import SiteModel
+from services.worldmodel.site import AT_ONCE
 
 NS: Final = 1_000_000_000
 AISLE_M: Final = 1.0
@@ -23,9 +24,6 @@ RANGE_M: Final = 3.0
 COLUMNS, ROWS = 40, 30
 FOCAL: Final = 29.0
 """In cells, of a camera 69 degrees wide."""
-
-MOST_AT_ONCE: Final = 500
-"""Views: of all that wait, the model takes in so many at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +88,7 @@ def _lags(load: Load, model: SiteModel, payloads: list[bytes], decode: Any) -> t
     first = 0
     while first < total:
         waiting = int(max(free_s, first / rate) * rate) + 1 - first
-        numbers = range(first, min(first + max(1, min(waiting, MOST_AT_ONCE)), total))
+        numbers = range(first, min(first + max(1, min(waiting, AT_ONCE)), total))
         began = time.perf_counter()
         views = [(decode(payloads[number % len(payloads)]), 10 * NS + round(number / rate * NS)) for number in numbers]
         model.take_all(views)

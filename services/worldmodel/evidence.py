@@ -1,6 +1,6 @@
 """What views say of objects that they do not show: hidden, out of view, looked past, or there but missed. Pure."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -62,6 +62,9 @@ DEEPER_M: Final = 0.5
 
 NAMED_NS: Final = 60_000_000_000
 """A model that never gave a class, in so long, is taken not to know it."""
+
+NAMED_TIMES: Final = 5
+"""A model that gave a class less often may have done so by mistake."""
 
 MOST_MODELS: Final = 256
 
@@ -223,7 +226,7 @@ class Vocabulary:
     def __init__(self) -> None:
         self._numbers: dict[str, int] = {}
         self._names: list[str] = []
-        self._named = np.zeros((0, MAX_CLASSES), np.bool_)
+        self._times = np.zeros((0, MAX_CLASSES), np.int64)
         self._since_ns = np.zeros(0, np.int64)
 
     def heed(
@@ -235,11 +238,27 @@ class Vocabulary:
         """
         if self._names != names:
             reused = [number for number, name in enumerate(self._names) if name != names[number]]
-            self._named[:, reused] = False
+            self._times[:, reused] = 0
             self._names = list(names)
         numbers = self._of([view.model for view in frames.views], frames.at_ns)
-        self._named[numbers[seen.frame], seen.classes] = True
-        return self._named[numbers], self._since_ns[numbers]
+        np.add.at(self._times, (numbers[seen.frame], seen.classes), 1)
+        return self._times[numbers] >= NAMED_TIMES, self._since_ns[numbers]
+
+    def known(self) -> dict[str, list[str]]:
+        """Return the names of the classes that each model gave."""
+        given = self._times >= NAMED_TIMES
+        return {
+            model: [name for name, has in zip(self._names, given[number].tolist(), strict=False) if has]
+            for model, number in self._numbers.items()
+        }
+
+    def restore(self, known: Mapping[str, Sequence[str]], names: Sequence[str]) -> None:
+        """Go on with what was known before, where nothing is. names: of classes, by number."""
+        self._names = list(names)
+        models = list(known)[:MOST_MODELS]
+        numbers = self._of(models, np.zeros(0, np.int64)).tolist()
+        for number, model in zip(numbers, models, strict=True):
+            self._times[number, [names.index(each) for each in known[model] if each in names]] = NAMED_TIMES
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now: the clock was set back."""
@@ -250,9 +269,9 @@ class Vocabulary:
         if len(self._numbers) + len(new) > MOST_MODELS:
             new = dict.fromkeys(models)
             self._numbers.clear()
-            self._named, self._since_ns = self._named[:0], self._since_ns[:0]
+            self._times, self._since_ns = self._times[:0], self._since_ns[:0]
         if new:
             self._numbers.update({name: len(self._numbers) + nth for nth, name in enumerate(new)})
-            self._named = np.concatenate([self._named, np.zeros((len(new), MAX_CLASSES), np.bool_)])
+            self._times = np.concatenate([self._times, np.zeros((len(new), MAX_CLASSES), np.int64)])
             self._since_ns = np.concatenate([self._since_ns, np.full(len(new), at_ns.max(initial=0))])
         return np.array([self._numbers[name] for name in models], np.intp)

@@ -16,9 +16,6 @@ Floats = NDArray[np.float64]
 FIELDS: Final = 11 + REACHES
 """Columns of `Frames.objects`: x, y, z, depth, low, high, score, box (4), reaches in millimetres."""
 
-MOST_VIEWS: Final = 50
-"""So many are compared with what is known at once: arrays of more are larger than caches, of fewer there are more."""
-
 _BLIND: Final = np.zeros(1, np.uint16)
 """The grid of a view without one: a single cell without a reading."""
 
@@ -104,7 +101,7 @@ def rounds(views: Sequence[tuple[CameraView, int]]) -> Iterator[list[tuple[Camer
         later = []
         for each in rest:
             robot = each[0].header.robot
-            if robot in now or len(now) == MOST_VIEWS:
+            if robot in now:
                 later.append(each)
             else:
                 now[robot] = each

@@ -71,7 +71,7 @@ class SiteModel:
         self.views = 0
         self.sightings = 0
         self.lifecycle = ObjectLifecycle(self.rules, self.classes, self.left_out)
-        self._vocabulary = Vocabulary()
+        self.vocabulary = Vocabulary()
         self._robot_of = np.full(0, -1, np.int64)
         self._swept_ns = 0
 
@@ -111,7 +111,7 @@ class SiteModel:
         """Cap all times at now: the clock was set back, and what is seen from now on is newer than what was."""
         self.objects.set_back(now_ns)
         self.offsets.set_back(now_ns)
-        self._vocabulary.set_back(now_ns)
+        self.vocabulary.set_back(now_ns)
         self._swept_ns = min(self._swept_ns, now_ns)
 
     def forget(self, robots: Collection[str], cameras: Collection[CameraName]) -> None:
@@ -165,7 +165,7 @@ class SiteModel:
         row, of = close(seen, objects, *around)
         pose = offsets.pose_covariance(frames.robots[seen.frame], seen.away)
         found = assign(seen, objects, row, of, pose)
-        named, since_ns = self._vocabulary.heed(frames, seen, self.classes.names)
+        named, since_ns = self.vocabulary.heed(frames, seen, self.classes.names)
         found, renamed = self._under_other_names(seen, found, around, named, pose=pose)
         looks = look(frames, camera, rotation, objects, self.index)
         floor_m = floor_levels(frames, camera, rotation)
@@ -232,21 +232,14 @@ class SiteModel:
         met, by_place = (np.isin(keys(looks.frame, looks.rows), keys(seen.frame[of.seen], of.of)) for of in found)
         by_name = named[looks.frame, objects.cls[looks.rows]]
         expected, there = by_name | by_place | looks.past, met | by_place
-        missed, missed_of_others, strange = (
-            np.bincount(frame, minlength=count)
-            for frame in (
-                looks.frame[expected & ~there],
-                looks.frame[expected & ~there & self._seen_by_others(frames, looks)],
-                seen.frame[self._strange(frames, seen, found)],
-            )
-        )
+        others = self._seen_by_others(frames, looks)
         sane = self.offsets.judge(
             frames.robots,
             np.bincount(looks.frame[expected], minlength=count),
             np.bincount(looks.frame[there], minlength=count),
             looked_past=np.bincount(looks.frame[looks.past & ~there], minlength=count),
-            # where only this robot works, more may have been brought than taken while it was away
-            strange=np.where(missed_of_others > 0, strange, np.minimum(strange, missed)),
+            strange=np.bincount(seen.frame[self._strange(frames, seen, found)], minlength=count),
+            seen_by_others=np.bincount(looks.frame[expected & ~there & others], minlength=count),
             floor_m=floor_m,
         )
         counted = by_name & (self.offsets.doubted[frames.robots] == RIGHT)[looks.frame]
@@ -269,8 +262,10 @@ class SiteModel:
         return np.asarray(~sane[looks.frame] | (spared & ~self.offsets.sure[frames.robots[looks.frame]]))
 
     def _seen_by_others(self, frames: Frames, looks: Looks) -> Bools:
+        """Return which looks are at objects that another robot saw, or one that is forgotten."""
         seers, robots = self.objects.seers[looks.rows], frames.robots[looks.frame]
-        return np.asarray(((seers >= 0) & (self._robot_of[seers] != robots[:, np.newaxis])).any(axis=1))
+        by_others = (seers >= 0) & (self._robot_of[seers] != robots[:, np.newaxis])
+        return np.asarray(by_others.any(axis=1) | (seers < 0).all(axis=1))
 
     def _rename(self, frames: Frames, seen: Sightings, found: Assignment, since_ns: NDArray[np.int64]) -> None:
         """Note that things are there that have another name; they take it if nobody calls them by theirs for long."""

@@ -74,12 +74,16 @@ ELSEWHERE: Final = 0.34
 EMPTY: Final = 0.5
 """The share of missed ones that a view must look past to show an emptied place; others may be there, undetected."""
 
-CHANGED_VIEWS: Final = 1_000
-"""If so many views contradict, and none of any robot fits meanwhile, the site has changed and nobody is lost."""
+PER_EMPTIED: Final = 12
+"""What each view of a place that is empty now adds to a robot's trust: an unsure one needs five of them."""
 
-MOVED_M: Final = 0.1
-"""How far a camera must have moved for its view to count as another one of those, or of a place that is empty: what a
-robot that stands still shows is shown once."""
+CHANGED_VIEWS: Final = 100
+"""If so many views contradict, and no robot is trusted anew meanwhile, the site has changed and nobody is lost."""
+
+MOVED_M: Final = 1.0
+BETWEEN_CAMERAS_M: Final = 3.0
+"""How far a robot must have driven, more than its pose wavers, for its view to count as another one of those, or of a
+place that is empty; and how much farther apart views of two of its cameras must be."""
 
 RIGHT, LOST, JUMPED, WRONG_DEPTH = 0, 1, 2, 3
 REASONS: Final = (
@@ -118,6 +122,8 @@ class Offsets:
         self._contradicted = 0
         self.floors = FloorLevels()
         self._camera = np.zeros(0, np.intp)
+        self._counted = np.zeros((0, 3))
+        self._counted_by = np.zeros(0, np.intp)
 
     def reserve(self, count: int) -> None:
         """Make room for so many robots."""
@@ -130,9 +136,10 @@ class Offsets:
         self.state, self.position = (np.concatenate([a, np.zeros((more, 3))]) for a in (self.state, self.position))
         self._passed = np.concatenate([self._passed, np.zeros(more)])
         self.sure = np.concatenate([self.sure, np.zeros(more, np.bool_)])
-        for name in ("at_ns", "doubted", "views", "_gained_ns", "_wrong_ns", "interval_ns", "_camera"):
+        for name in ("at_ns", "doubted", "views", "_gained_ns", "_wrong_ns", "interval_ns", "_camera", "_counted_by"):
             setattr(self, name, np.concatenate([getattr(self, name), np.zeros(more, np.int64)]))
         self._trust = np.concatenate([self._trust, np.full(more, FIRST_TRUST)])
+        self._counted = np.concatenate([self._counted, np.full((more, 3), np.inf)])
 
     def restore(self, robots: Sequence[int], doubted: Sequence[int]) -> None:
         """Go on doubting robots, where none is known. doubted: why."""
@@ -197,17 +204,23 @@ class Offsets:
         *,
         looked_past: Whole | None = None,
         strange: Whole | None = None,
+        seen_by_others: Whole | None = None,
         floor_m: Floats | None = None,
     ) -> Bools:
         """Doubt poses when views contradict what is known; trust them again when they fit.
 
         expected, found: how many known objects each view should show, and how many of them it shows. looked_past: how
-        many it looks past. strange: how many things it shows that are not known. floor_m: how high the floor is that it
-        shows. Returns which views' depth may be right.
+        many it looks past. strange: how many things it shows that are not known. seen_by_others: how many of the missed
+        ones another robot saw. floor_m: how high the floor is that it shows. Returns which views' depth may be right.
         """
-        looked_past, strange = (np.zeros_like(expected) if each is None else each for each in (looked_past, strange))
+        looked_past, strange, seen_by_others = (
+            np.zeros_like(expected) if each is None else each for each in (looked_past, strange, seen_by_others)
+        )
         floor_m = np.full(len(robots), np.inf) if floor_m is None else floor_m
         missed, doubted, sure = expected - found, self.doubted[robots], self.sure[robots]
+        # what only this robot knew may have changed while it was away, and more may have been brought than taken
+        own = seen_by_others == 0
+        strange = np.where(own, np.minimum(strange, missed), strange)
         nothing_expected = expected == 0
         fits = ~nothing_expected & (found >= FOUND * expected)
         shows_floor, deep = self.floors.compare(self._camera[robots], floor_m)
@@ -220,18 +233,17 @@ class Offsets:
         wrong = elsewhere | (deep & ~nothing_expected)
         counts = self._counts(robots, wrong)
         contradicts = elsewhere | (emptied & astray)  # those who may be anywhere look past all that is not there
-        unsure = emptied & ~astray & ~sure
-        moved_on = self._cameras.moved_on(self._camera[robots], contradicts | unsure)
+        moved_on = self._moved_on(robots, contradicts | (emptied & ~sure))
         self._contradicted += int((contradicts & moved_on).sum())
         changed = contradicts & (self._contradicted >= CHANGED_VIEWS)
         wrong &= ~changed
-        weight = np.where(deep, FEWEST, np.minimum(expected, FEWEST))
+        weight = np.where(deep, FEWEST, np.minimum(np.where(own, missed, expected), FEWEST))
         others = np.where(deep, MOST_STRANGE, np.minimum(strange, MOST_STRANGE))
         cost = np.where(sure, weight * PER_OBJECT, others * PER_STRANGE)
         alone = nothing_expected & ((doubted == JUMPED) | ((doubted == WRONG_DEPTH) & shows_floor))
         gained = np.where(fits, np.minimum(expected, FEWEST) * PER_OBJECT, 0)
-        cleared = emptied & ~astray & (sure | moved_on)
-        gained += np.where(cleared | changed | alone, TRUST_VIEWS, 0)
+        gained += np.where(emptied & ~astray & (sure | moved_on), PER_EMPTIED, 0)
+        gained += np.where(changed | alone, TRUST_VIEWS, 0)
         gained -= np.where(wrong & counts, cost, 0)
         trust = np.clip(self._trust[robots] + gained, 0, MOST_TRUST)
         self._trust[robots] = np.where(wrong & (doubted != RIGHT), 0, trust)
@@ -253,6 +265,15 @@ class Offsets:
         self._wrong_ns[robots[counts]] = self.at_ns[robots[counts]]
         return counts
 
+    def _moved_on(self, robots: Rows, which: Bools) -> Bools:
+        """Return which views of these were taken far enough from where the robot's last such view was."""
+        away = np.hypot(*(self.position[robots] - self._counted[robots])[:, :2].T)
+        other = self._camera[robots] != self._counted_by[robots]
+        moved = which & (away >= MOVED_M + np.where(other, BETWEEN_CAMERAS_M, 0.0))
+        self._counted[robots[moved]] = self.position[robots[moved]]
+        self._counted_by[robots[moved]] = self._camera[robots[moved]]
+        return np.asarray(moved)
+
     def forget(self, robots: Rows, cameras: Rows) -> None:
         """Begin anew with robots and cameras whose numbers are for others from now on."""
         self._forget(robots, RIGHT)
@@ -273,6 +294,7 @@ class Offsets:
         self.covariance[robots] = np.diag(self.usual.variance)
         self.doubted[robots], self.sure[robots] = why, False
         self._trust[robots] = FIRST_TRUST if why == RIGHT else 0
+        self._counted[robots] = np.inf
 
 
 class _LastPoses:
@@ -281,12 +303,11 @@ class _LastPoses:
     def __init__(self) -> None:
         self._at_ns = np.zeros(0, np.int64)
         self._position = np.zeros((0, 3))
-        self._counted = np.zeros((0, 3))
 
     def forget(self, cameras: Rows) -> None:
         """Forget where cameras were."""
         known = cameras[cameras < len(self._at_ns)]
-        self._at_ns[known], self._counted[known] = 0, np.inf
+        self._at_ns[known] = 0
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now."""
@@ -301,21 +322,12 @@ class _LastPoses:
         self._at_ns[cameras], self._position[cameras] = at_ns, position
         return (before > 0) & (moved > JUMP_M + JUMP_M_S * passed_ns / NS), passed_ns
 
-    def moved_on(self, cameras: Rows, which: Bools) -> Bools:
-        """Return which of these cameras are MOVED_M from where they were when they were last returned."""
-        self._reserve(int(cameras.max(initial=-1)) + 1)
-        away = np.hypot(*(self._position[cameras] - self._counted[cameras])[:, :2].T)
-        moved = which & (away >= MOVED_M)
-        self._counted[cameras[moved]] = self._position[cameras[moved]]
-        return np.asarray(moved)
-
     def _reserve(self, count: int) -> None:
         more = count - len(self._at_ns)
         if more > 0:
             more += _FIRST
             self._at_ns = np.concatenate([self._at_ns, np.zeros(more, np.int64)])
             self._position = np.concatenate([self._position, np.zeros((more, 3))])
-            self._counted = np.concatenate([self._counted, np.full((more, 3), np.inf)])
 
 
 def _sums(group: Rows, count: int, away: Floats, moved: Floats, covariance: Floats) -> tuple[Floats, Floats]:

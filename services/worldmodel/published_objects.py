@@ -128,7 +128,7 @@ class PublishedObjects:
         """
         model = self.model
         number = model.robots.find(robot)
-        if number is None:
+        if number is None or not model.offsets.views[number]:
             return []
         at = model.offsets.position[number, :2]
         _, rows = model.index.within(at[np.newaxis] - radius_m, at[np.newaxis] + radius_m)

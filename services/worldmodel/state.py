@@ -43,6 +43,7 @@ class _State(msgspec.Struct, frozen=True, kw_only=True):
     columns: dict[str, _Column]
     doubted: dict[str, int] = {}
     floors_m: list[float] = []
+    named: dict[str, list[str]] = {}
 
 
 def saved(site: str, prefix: str, last: int, model: SiteModel) -> bytes:
@@ -69,6 +70,7 @@ def saved(site: str, prefix: str, last: int, model: SiteModel) -> bytes:
             columns=columns,
             doubted={name: why for name, number in model.robots.items() if (why := int(reasons[number])) != RIGHT},
             floors_m=model.offsets.floors.known.tolist(),
+            named=model.vocabulary.known(),
         )
     )
 
@@ -93,6 +95,7 @@ def restored(site: str, data: bytes, model: SiteModel, run: int = 0) -> tuple[st
     model.restore(objects, state.classes, state.cameras, next_number)
     model.offsets.restore([model.robots.number(each) for each in state.doubted], list(state.doubted.values()))
     model.offsets.floors.restore(state.floors_m[: len(state.cameras)])
+    model.vocabulary.restore(state.named, model.classes.names)
     return state.prefix, state.last
 
 

@@ -167,20 +167,18 @@ def look_on(
     change: Callable[[CameraView], CameraView] = lambda each: each,
     *,
     start_s: float = KNOWN_S,
-    sways: bool = False,
+    drives: bool = False,
 ) -> list[str]:
     """Let a model take in what a camera sees twice a second, changed somehow; return the kinds of changes.
 
-    sways: the camera is 0.12 m to one side in every other view, as of a robot that drives about.
+    drives: it goes to and fro, and every other view is of 1.2 m farther back.
     """
-    first, kinds = change(view(things, camera, start_s)), []
-    assert first.position is not None
-    x, y, z = first.position
+    back = replace(camera, x=camera.x - 1.2 * np.cos(camera.yaw), y=camera.y - 1.2 * np.sin(camera.yaw))
+    views, kinds = [change(view(things, each, start_s)) for each in ((camera, back) if drives else (camera,))], []
     for step in range(count):
-        at_ns = round((start_s + step / 2) * NS)
-        header = msgspec.structs.replace(first.header, stamp_ns=at_ns, received_ns=at_ns)
-        seen = msgspec.structs.replace(first, header=header, position=(x, y + 0.12 * (sways and step % 2), z))
-        kinds += [event.kind.value for event in model.take(seen, at_ns)]
+        at_ns, seen = round((start_s + step / 2) * NS), views[step % len(views)]
+        header = msgspec.structs.replace(seen.header, stamp_ns=at_ns, received_ns=at_ns)
+        kinds += [event.kind.value for event in model.take(msgspec.structs.replace(seen, header=header), at_ns)]
     return kinds
 
 

@@ -89,6 +89,29 @@ def test_after_a_restart_things_take_the_names_of_another_model_too() -> None:
     assert [each.doubted for each in PublishedObjects("hall", "a", model).robots()] == [""]
 
 
+def test_after_a_restart_a_class_that_is_rare_is_missed_as_before() -> None:
+    things = [*TWO, Thing(5.2, 0.9, (0.4, 0.4, 0.9), name="drum")]
+    model = SiteModel()
+    restored("hall", saved("hall", "a", 0, knowing(things)), model)
+    assert model.vocabulary.known() == {"m": ["box", "drum"]}
+    (drum,) = np.flatnonzero(model.objects.cls == model.classes.names.index("drum"))
+    before = model.objects.looks[drum]
+    for step in range(20):
+        at_s = KNOWN_S + step / 2
+        model.take(view(things, Camera(), at_s, blind_to=[2]), round(at_s * NS))
+    assert model.objects.looks[drum] > before + 5
+
+
+def test_a_class_that_a_model_gave_by_mistake_is_none_of_its_own() -> None:
+    model = knowing(FOUR)
+    cartons = [replace(each, name="carton") for each in FOUR]
+    other = partial(with_model, model="other")
+    look_on(model, [*cartons[1:], FOUR[0]], Camera(robot="r2"), 1, other)
+    look_on(model, cartons, Camera(robot="r2"), 140, other, start_s=KNOWN_S + 1)
+    assert [each.name for each in known(model)] == ["carton"] * len(FOUR)
+    assert doubted(model, "r2") == RIGHT
+
+
 def test_a_class_that_has_another_ones_number_by_now_is_not_missed_by_a_model_that_gave_that_one() -> None:
     model = SiteModel()
     other = partial(with_model, model="other")
@@ -121,5 +144,5 @@ def test_invented_models_are_bounded() -> None:
     seen = view(TWO, Camera(), KNOWN_S)
     for number in range(2 * MOST_MODELS):
         model.take(with_model(seen, f"m{number}"), round((KNOWN_S + number / 100) * NS))
-    assert len(model._vocabulary._numbers) <= MOST_MODELS
+    assert len(model.vocabulary._numbers) <= MOST_MODELS
     assert len(known(model)) == len(TWO)

@@ -32,6 +32,8 @@ from tests.services.worldmodel.scene import (
     without_depth,
 )
 
+THREE = FOUR[:3]
+
 
 def higher(seen: CameraView, by_m: float) -> CameraView:
     """Return a view in a map whose zero is lower by so much."""
@@ -148,6 +150,23 @@ def test_where_one_robot_works_alone_more_may_be_brought_than_taken() -> None:
     assert are_at(known(model), brought)
 
 
+def test_where_one_robot_works_alone_two_of_three_things_may_change() -> None:
+    model = knowing(THREE)
+    look_on(model, [], Camera(yaw=np.pi), 20)  # it is still sure
+    changed = [THREE[0], *(moved(each, 0.0, 1.3) for each in THREE[1:])]
+    look_on(model, changed, Camera(), 20, start_s=KNOWN_S + 10)
+    assert doubted(model, "r1") == RIGHT
+    assert are_at(known(model), changed)
+
+
+def test_a_robot_with_cameras_on_both_sides_that_stands_still_removes_nothing_that_others_saw() -> None:
+    model = knowing(FOUR)
+    before = known(model)
+    sides = [Camera(y=side, robot="r2", name=f"c{side}") for side in (1.0, -1.0)]
+    assert watch(model, [], sides, KNOWN_S, 3 * ALONE_VIEWS) == []
+    assert known(model) == before
+
+
 def test_after_a_restart_a_robot_knows_what_it_saw_itself_with_another_camera() -> None:
     model = SiteModel()
     watch(model, FOUR, [Camera(name="back")], 1.0, 20)
@@ -167,8 +186,8 @@ def test_all_that_is_taken_away_at_once_is_gone() -> None:
 def test_what_another_robot_saw_is_gone_when_one_that_fits_or_looks_for_long_sees_past_it() -> None:
     model = knowing(FOUR)
     other = Camera(robot="r2")
-    assert look_on(model, [], other, ALONE_VIEWS // 2, sways=True) == []
-    assert look_on(model, [], other, ALONE_VIEWS // 2, start_s=20.0, sways=True) == ["gone"] * len(FOUR)
+    assert look_on(model, [], other, 4, drives=True) == []
+    assert look_on(model, [], other, 8, start_s=13.0, drives=True) == ["gone"] * len(FOUR)
     model = knowing(FOUR)
     assert look_on(model, FOUR, other, 3) == []
     assert look_on(model, [], other, 3, start_s=13.0) == ["gone"] * len(FOUR)
@@ -185,7 +204,7 @@ def test_what_is_not_confirmed_yet_is_nothing_when_one_that_just_started_looks_p
 def test_one_that_fitted_long_ago_is_as_unsure_as_one_that_never_did() -> None:
     model = knowing(FOUR, ("r1", "r2"))
     assert look_on(model, [], Camera(robot="r2"), 6, start_s=60.0) == []
-    assert look_on(model, [], Camera(robot="r2"), 40, start_s=63.0, sways=True) == ["gone"] * len(FOUR)
+    assert look_on(model, [], Camera(robot="r2"), 40, start_s=63.0, drives=True) == ["gone"] * len(FOUR)
 
 
 def test_some_that_are_moved_together_are_moved_for_one_that_has_just_fitted() -> None:
@@ -268,7 +287,7 @@ def test_a_few_views_that_show_a_pit_do_not_lower_the_floor(pits: int) -> None:
     assert look_on(model, TWO, Camera(), pits, partial(with_low_part, depth_mm=9_900)) == []
     assert look_on(model, TWO, Camera(), 60, without_depth, start_s=13.0) == []
     assert doubted(model, "r1") == WRONG_DEPTH
-    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, start_s=50.0, sways=True) == ["gone"] * len(TWO)
+    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, start_s=50.0, drives=True) == ["gone"] * len(TWO)
 
 
 def test_a_floor_that_was_deep_for_long_comes_back() -> None:
@@ -296,7 +315,7 @@ def test_where_the_maps_zero_is_below_the_floor_one_that_is_unsure_sees_what_is_
     raised = partial(higher, by_m=1.0)
     look_on(model, FOUR, Camera(), 20, raised, start_s=1.0)
     assert len(known(model)) == len(FOUR)
-    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, raised, sways=True) == ["gone"] * len(FOUR)
+    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, raised, drives=True) == ["gone"] * len(FOUR)
 
 
 def test_a_camera_that_shows_its_own_forks_sees_what_is_gone() -> None:
@@ -306,13 +325,16 @@ def test_a_camera_that_shows_its_own_forks_sees_what_is_gone() -> None:
     model = knowing(FOUR)
     look_on(model, FOUR, Camera(robot="r2"), 10, with_forks)
     other = Camera(robot="r2")
-    assert look_on(model, [], other, ALONE_VIEWS, with_forks, start_s=60.0, sways=True) == ["gone"] * len(FOUR)
+    assert look_on(model, [], other, ALONE_VIEWS, with_forks, start_s=60.0, drives=True) == ["gone"] * len(FOUR)
 
 
-def test_a_robot_just_started_that_stands_still_removes_nothing_that_others_saw() -> None:
+@pytest.mark.parametrize("wavers_m", [0.0, 0.3])
+def test_a_robot_just_started_that_stands_still_removes_nothing_that_others_saw(wavers_m: float) -> None:
     model = knowing(FOUR)
     before = known(model)
-    assert look_on(model, [], Camera(robot="r2"), 10 * ALONE_VIEWS) == []
+    cameras = [Camera(robot="r2", off=(side * wavers_m, 0.0, 0.0)) for side in (1, -1)]
+    for step in range(5 * ALONE_VIEWS):
+        assert watch(model, [], cameras[step % 2 :][:1], KNOWN_S + step / 2, 1) == []
     assert known(model) == before
 
 
@@ -320,7 +342,7 @@ def test_a_site_in_which_no_robot_fits_any_more_has_changed(monkeypatch: pytest.
     monkeypatch.setattr(offsets_module, "CHANGED_VIEWS", CHANGED_VIEWS // 10)
     model = knowing(FOUR)
     elsewhere = [moved(each, 0.7, -1.0) for each in FOUR]
-    look_on(model, elsewhere, Camera(), CHANGED_VIEWS // 10, start_s=16.0, sways=True)
+    look_on(model, elsewhere, Camera(), CHANGED_VIEWS // 10, start_s=16.0, drives=True)
     assert doubted(model, "r1") == LOST
     assert len(known(model)) == len(FOUR)
     look_on(model, elsewhere, Camera(), 50, start_s=70.0)

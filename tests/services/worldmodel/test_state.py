@@ -36,9 +36,16 @@ def test_a_robot_that_is_doubted_stays_so_after_a_restart() -> None:
 @pytest.mark.parametrize("robot", ["r1", "r2"])
 def test_how_high_the_floor_is_stays_known_after_a_restart(robot: str) -> None:
     model = after_restart(knowing(TWO))
-    assert look_on(after_restart(model), [], Camera(robot=robot), ALONE_VIEWS, sways=True) == ["gone"] * len(TWO)
+    assert look_on(after_restart(model), [], Camera(robot=robot), ALONE_VIEWS, drives=True) == ["gone"] * len(TWO)
     assert look_on(model, [], Camera(robot=robot), ALONE_VIEWS, without_depth) == []
     assert REASONS[doubted(model, robot)] == "its depth does not fit the floor"
+
+
+def test_a_robot_that_was_known_before_a_restart_has_no_place_before_its_first_view() -> None:
+    published = PublishedObjects("hall", "a", after_restart(knowing(TWO)))
+    assert published.nearby("r1", 8.0, 0) == []
+    look_on(published.model, TWO, Camera(), 1)
+    assert len(published.nearby("r1", 8.0, 0)) == len(TWO)
 
 
 def test_states_without_doubts_or_with_such_that_nobody_knows_are_taken() -> None:
