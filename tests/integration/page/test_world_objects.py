@@ -2,11 +2,13 @@
 
 import asyncio
 import re
-from collections.abc import AsyncIterator
+import threading
+from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from time import time_ns
+from typing import Any
 
 import msgspec
 import pytest
@@ -18,10 +20,12 @@ from schemas import codec
 from schemas.worker_keys import WorldStream, world_key
 from schemas.world import ChangeKind, SiteStatus, WorldChange, WorldChanges, WorldObject
 from services.monitor.fleet import Fleet
+from services.monitor.map.drawing import ground_of
 from services.monitor.map.footprints import footprint
 from services.monitor.monitor import Monitor
 from services.monitor.process import running
 from services.monitor.settings import MonitorSettings
+from services.monitor.web.pages import map as map_page
 from services.toolbox.demo.children import Child
 from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.page.browser import PATIENCE_MS, looking, open_browser
@@ -133,6 +137,30 @@ async def test_objects_are_drawn_at_their_size_once_and_lead_to_their_pages(site
         await link.click()
         await expect(page).to_have_url(re.compile(f"/world/{SITE}/{pallet.id}$"))
         await expect(page.get_by_text(f"pallet {pallet.id}", exact=True)).to_be_visible()
+
+
+async def test_a_class_that_is_chosen_while_the_map_is_drawn_is_shown_next(
+    site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draws, chosen = threading.Event(), threading.Event()
+
+    def held_up(*given: Any, objects: Sequence[WorldObject], **more: Any) -> str:
+        if len(objects) == 1:
+            draws.set()
+            chosen.wait(PATIENCE_S)
+        return ground_of(*given, objects=objects, **more)
+
+    monkeypatch.setattr(map_page, "ground_of", held_up)
+    async with looking(site.browser, site.at, tmp_path) as looker:
+        page = await looker.go("/map")
+        await expect(page.locator(".fs-map .things polygon")).to_have_count(3)
+        for name in ("pallet", "box"):
+            await page.get_by_role("combobox", name="Class").click()
+            await page.get_by_role("option", name=name).click()
+            await asyncio.to_thread(draws.wait, PATIENCE_S)
+        await asyncio.sleep(0.5)  # until the server has heard of the second choice
+        chosen.set()
+        await expect(page.locator(".fs-map .things polygon")).to_have_count(2)
 
 
 async def test_the_map_shows_when_the_floor_was_looked_at(site: Site, tmp_path: Path) -> None:

@@ -220,10 +220,10 @@ class _Map:
         await self._take_objects(marks, now_ns)
         zones = [each for each in fleet.world.zones(fleet.sites, now_ns) if self._shown.name in ("", each.zone.site)]
         await self._look_at_floor()
-        self._bound(marks, robots, zones)
-        if self._bounds is not None:
-            await self._draw_ground(self._bounds, zones)
-            self._over.set_content(svg_of(self._bounds, marks, robots, now_ns))
+        bounds = self._bound(marks, robots, zones)  # a choice forgets them, also while the ground is drawn
+        if bounds is not None:
+            await self._draw_ground(bounds, zones)
+            self._over.set_content(svg_of(bounds, marks, robots, now_ns))
         if self._editor is not None:
             self._editor.refresh(self._shown.name)
             self._draw_draft()
@@ -278,7 +278,9 @@ class _Map:
         self._looks = None if looks is None else await asyncio.to_thread(looked_at, looks)
         self._floor_words.set_text(floor_in_words(looks))
 
-    def _bound(self, marks: Sequence[MapObject], robots: Sequence[DrawnRobot], zones: Sequence[ZoneCount]) -> None:
+    def _bound(
+        self, marks: Sequence[MapObject], robots: Sequence[DrawnRobot], zones: Sequence[ZoneCount]
+    ) -> Bounds | None:
         points = [*((mark.x, mark.y) for mark in marks), *((robot.pose.x, robot.pose.y) for robot in robots)]
         points += [corner for each in self._objects[0] for corner in footprint(each.of)]
         self._placed = self._placed or bool(points)
@@ -288,6 +290,7 @@ class _Map:
         self._bounds = Bounds.around(points, self._bounds)
         self._empty.set_visibility(not self._placed)
         self._picture.set_visibility(self._bounds is not None)
+        return self._bounds
 
     async def _draw_ground(self, bounds: Bounds, zones: Sequence[ZoneCount]) -> None:
         drawn = (self._made, bounds, [(each.current, dict(each.objects)) for each in zones], self._looks)
