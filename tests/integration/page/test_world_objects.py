@@ -21,7 +21,7 @@ from schemas.worker_keys import WorldStream, world_key
 from schemas.world import ChangeKind, SiteStatus, WorldChange, WorldChanges, WorldObject
 from services.monitor.fleet import Fleet
 from services.monitor.map.drawing import ground_of
-from services.monitor.map.footprints import footprint
+from services.monitor.map.footprints import DrawnObject, footprint
 from services.monitor.monitor import Monitor
 from services.monitor.process import running
 from services.monitor.settings import MonitorSettings
@@ -144,7 +144,7 @@ async def test_a_class_that_is_chosen_while_the_map_is_drawn_is_shown_next(
 ) -> None:
     draws, chosen = threading.Event(), threading.Event()
 
-    def held_up(*given: Any, objects: Sequence[WorldObject], **more: Any) -> str:
+    def held_up(*given: Any, objects: Sequence[DrawnObject], **more: Any) -> str:
         if len(objects) == 1:
             draws.set()
             chosen.wait(PATIENCE_S)

@@ -16,6 +16,7 @@ from services.monitor.web.pages.alerts import KeptAlerts
 from services.monitor.web.pages.health import MAX_NAMED, facts
 from services.monitor.web.pages.page_data import PageData
 from services.monitor.web.pages.rows.robots import RobotFilter
+from services.worldmodel.offsets import LOST, REASONS
 from tests.schemas.results import distances
 from tests.services.monitor.inventory.seeing import seen
 from tests.services.monitor.map.test_sites import status
@@ -75,9 +76,9 @@ async def test_a_monitor_says_which_world_models_it_hears_and_what_is_wrong_with
             return dict(facts(monitor, monitor.started_ns))["World models"]
 
         assert said().startswith("none runs: fleetsight worldmodel")
-        lost = RobotOffset(robot="r1", x=0, y=0, yaw=0, sigma_m=0, doubted="it is lost", views=1, last_ns=1)
+        lost = RobotOffset(robot="r1", x=0, y=0, yaw=0, sigma_m=0, doubted=REASONS[LOST], views=1, last_ns=1)
         monitor.fleet.sites.take(msgspec.structs.replace(status("hall"), robots=[lost]), time.time_ns())
-        assert said().startswith("hall by w; site hall leaves out the sightings of r1: it is lost; correct that")
+        assert said().startswith(f"hall by w; site hall leaves out the sightings of r1: {REASONS[LOST]}; correct that")
         assert [each for each in monitor.problems() if "r1" in each] == [said().removeprefix("hall by w; ")]
         off = monitor_on(bus, world="off")
         assert dict(facts(off, off.started_ns))["World models"] == "not followed: started with --world off"
