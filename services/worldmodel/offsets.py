@@ -53,7 +53,8 @@ let it be gone, so that a lost robot is doubted before.
 """
 
 FEWEST: Final = 3
-"""Each object that a view finds, or misses, counts PER_OBJECT, up to so many of them."""
+"""Each object that a view finds counts PER_OBJECT, up to so many of them; where it contradicts, each that it should
+show, or of what no other robot saw, each that it misses."""
 
 PER_OBJECT: Final = ALONE_VIEWS // FEWEST
 MOST_TRUST: Final = TRUST_VIEWS * ALONE_VIEWS
@@ -306,8 +307,7 @@ class _LastPoses:
 
     def forget(self, cameras: Rows) -> None:
         """Forget where cameras were."""
-        known = cameras[cameras < len(self._at_ns)]
-        self._at_ns[known] = 0
+        self._at_ns[cameras[cameras < len(self._at_ns)]] = 0
 
     def set_back(self, now_ns: int) -> None:
         """Cap all times at now."""
