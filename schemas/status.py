@@ -153,6 +153,7 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
     busy_s: seconds since it started in which it was at work on frames, None where nobody says. A detector's runs while
     any frame is in its model, or its tracker makes the model wait.
     canary: the model of a roll-out that looks at single robots' cameras here; empty where there is none.
+    runtime: that the model runs under, such as openvino-int8; empty where nobody says.
     """
 
     service: Name
@@ -165,6 +166,7 @@ class WorkerStatus(msgspec.Struct, frozen=True, kw_only=True):
     version: Label = ""
     busy_s: Annotated[float, msgspec.Meta(ge=0)] | None = None
     canary: Label = ""
+    runtime: Label = ""
 
 
 class ClockReading(msgspec.Struct, frozen=True, kw_only=True):

@@ -6,10 +6,11 @@
              them; without encoding them) on the same pictures in memory, one after the other, with as many threads as
              the worker, not pinned to cores either
 
-each under the runtime that `--runtime auto` chooses for the shipped model (worker_fps and bare_fps; auto_fps is the
-same figure as worker_fps) and under torch (torch_fps and bare_torch_fps), on the processor, at the model's own input
-size. The four are measured in turn, the repeats too; figures are medians. The cameras' own work is on the same cores,
-which the bare loop has for itself. Runtimes are exported and chosen anew for each run.
+each under the runtime that `--runtime auto --no-int8` chooses for the shipped model (worker_fps and bare_fps) and under
+torch (torch_fps and bare_torch_fps), and the worker under what `--runtime auto` chooses (auto_fps and auto_runtime),
+which may be INT8; on the processor, at the model's own input size. The five are measured in turn, the repeats too;
+figures are medians. The cameras' own work is on the same cores, which the bare loop has for itself. Runtimes are
+exported and chosen anew for each run.
 
 overhead is from just before a frame is put on the bus (a gateway would have received it then) to its class list at a
 subscriber, less the model's call, at 5 Hz. That call is what the runtime computes alone: pre- and post-processing are
@@ -21,6 +22,7 @@ many frames, and less what it was before them.
 import asyncio
 import sys
 import tempfile
+from collections.abc import Sequence
 from contextlib import AsyncExitStack, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,15 +35,24 @@ from benchmarks.gateway.processes import PeerError, Process, module, running
 from benchmarks.machine import machine, versions
 from benchmarks.peers.views import SCENES, views
 from benchmarks.progress import note
-from bus import Bus, BusSettings, open_bus
+from bus import QUEUE, Bus, BusSettings, open_bus
+from schemas import codec
+from schemas.status import WorkerStatus
+from schemas.worker_keys import EVERY_WORKER_STATUS
 from services.toolbox.demo.children import free_ports
 
 HZ: Final = 5.0
 WARM_UP_FRAMES: Final = 300
 """By then all of the memory that cameras share with the worker is mapped, and its runtime has what it keeps."""
 
-NAMES: Final = {"auto": ("worker_fps", "bare_fps"), "torch": ("torch_fps", "bare_torch_fps")}
-"""What the speeds of the worker and of the bare loop are called, by runtime."""
+WORKERS: Final = {
+    "auto_fps": ("--runtime", "auto"),
+    "worker_fps": ("--runtime", "auto", "--no-int8"),
+    "torch_fps": ("--runtime", "torch"),
+}
+"""What the speed of each worker is called, and its options."""
+BARE: Final = {"bare_fps": "auto", "bare_torch_fps": "torch"}
+"""What the speed of each bare loop is called, and its runtime."""
 PACKAGES: Final = ("torch", "ultralytics-opencv-headless", "onnxruntime", "openvino", "eclipse-zenoh")
 
 
@@ -86,20 +97,24 @@ async def measure(plan: Plan) -> dict[str, Any]:
     with ExitStack() as stack:
         cache = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleetsight-")))
         async with AsyncExitStack() as buses:
-            workers = {name: await _worker(name, cache, pictures, stack, buses) for name in NAMES}
-            bares = {name: stack.enter_context(running(_bare(name, cache, plan.seconds))) for name in NAMES}
+            workers = {name: await _worker(options, cache, pictures, stack, buses) for name, options in WORKERS.items()}
+            bares = {
+                name: stack.enter_context(running(_bare(each, cache, plan.seconds))) for name, each in BARE.items()
+            }
             found = await _speeds(workers, bares, pictures, plan)
-            found |= await _alone(workers["auto"], pictures, plan)
+            found |= await _alone(workers["auto_fps"], pictures, plan)
     about = {"machine": machine(), "versions": versions(PACKAGES), "seeds": list(SCENES)}
     return {"targets": targets(found), **found, **about}
 
 
-async def _worker(runtime: str, cache: Path, pictures: Pictures, stack: ExitStack, buses: AsyncExitStack) -> Worker:
+async def _worker(
+    chosen: Sequence[str], cache: Path, pictures: Pictures, stack: ExitStack, buses: AsyncExitStack
+) -> Worker:
     """Start a worker on a bus of its own; it has chosen and warmed up by then, with nobody else at work."""
-    note(f"worker, --runtime {runtime}")
+    note(f"worker, {' '.join(chosen)}")
     endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
     bus = await buses.enter_async_context(open_bus(BusSettings(mode="router", listen=[endpoint])))
-    options = ["--connect", endpoint, "--runtime", runtime, "--device", "cpu", "--cache", str(cache)]
+    options = ["--connect", endpoint, *chosen, "--device", "cpu", "--cache", str(cache)]
     process = stack.enter_context(running([sys.executable, "-m", "services.toolbox", "detector", *options]))
     try:
         await frames(bus, pictures, frames=WARM_UP_FRAMES)
@@ -117,17 +132,29 @@ async def _speeds(
 ) -> dict[str, Any]:
     told = {}
     for name, bare in bares.items():
-        note(f"bare loop, {name}")
+        note(f"bare loop, {BARE[name]}")
         told[name] = await asyncio.to_thread(bare.ask)
-    speeds: dict[str, list[float]] = {name: [] for names in NAMES.values() for name in names}
+    speeds: dict[str, list[float]] = {name: [] for name in (*WORKERS, *BARE)}
     for repeat in range(plan.repeats):
-        for name, (worker_fps, bare_fps) in NAMES.items():
-            note(f"[{repeat + 1}/{plan.repeats}] {told[name]['runtime']}")
-            speeds[worker_fps].append(await frames(workers[name].bus, pictures, seconds=plan.seconds))
-            speeds[bare_fps].append(float((await asyncio.to_thread(bares[name].ask))["fps"]))
-    found = medians(speeds)
-    chosen = told["auto"]
-    return {**found, "auto_fps": found["worker_fps"], "runtime": chosen["runtime"], "side": chosen["side"]}
+        note(f"[{repeat + 1}/{plan.repeats}]")
+        for name, worker in workers.items():
+            speeds[name].append(await frames(worker.bus, pictures, seconds=plan.seconds))
+        for name, bare in bares.items():
+            speeds[name].append(float((await asyncio.to_thread(bare.ask))["fps"]))
+    chosen = told["bare_fps"]
+    return {
+        **medians(speeds),
+        "runtime": chosen["runtime"],
+        "auto_runtime": await _runtime_of(workers["auto_fps"].bus),
+        "side": chosen["side"],
+    }
+
+
+async def _runtime_of(bus: Bus) -> str:
+    async with bus.subscribe(EVERY_WORKER_STATUS, QUEUE(16)) as statuses:
+        async for sample in statuses:
+            return codec.decode(WorkerStatus, sample.payload, sample.encoding).runtime
+    raise PeerError("a worker's status does not come")
 
 
 async def _alone(worker: Worker, pictures: Pictures, plan: Plan) -> dict[str, Any]:

@@ -52,6 +52,7 @@ def targets(found: Mapping[str, Any]) -> Targets:
     """Return each target: the ratio or value, its limit, and whether it is met."""
     return {
         **at_least(found, "worker_fps", 0.9, "bare_fps"),
+        **at_least(found, "auto_fps", 1.8, "bare_fps"),
         **at_least(found, "torch_fps", 0.9, "bare_torch_fps"),
         **at_least(found, "auto_fps", 1.3, "torch_fps"),
         **at_most(found, "overhead_p50_ms", 6),

@@ -1,8 +1,9 @@
 """Ultralytics' own prediction in a loop over images in memory. Arguments: runtime, cache, seconds.
 
 Each time it is asked it predicts for so many seconds and says how many images it did a second, and under which runtime:
-`auto` is the detector's own choice, out of its cache. It computes with a detector's threads: Ultralytics has no setting
-for those of an exported model, so the model that it compiled is replaced by one compiled with the detector's settings.
+`auto` is the detector's own choice without INT8, out of its cache. It computes with a detector's threads: Ultralytics
+has no setting for those of an exported model, so the model that it compiled is replaced by one compiled with the
+detector's settings.
 """
 
 import shutil
@@ -57,7 +58,9 @@ def bare(runtime: str, options: dict[str, Any], threads: int, folder: Path) -> A
 if __name__ == "__main__":
     seconds = float(sys.argv[3])
     with tempfile.TemporaryDirectory() as made:
-        settings = DetectorSettings.model_validate({"runtime": sys.argv[1], "device": "cpu", "cache": sys.argv[2]})
+        settings = DetectorSettings.model_validate(
+            {"runtime": sys.argv[1], "int8": False, "device": "cpu", "cache": sys.argv[2]}
+        )
         detectors = load(settings, Path(made))
         detectors.close()
         keep_offline(Path(made), download=False)

@@ -22,6 +22,7 @@ class StandIn:
     """Finds nothing, in its own time, in one image after the other."""
 
     name = "stand-in"
+    runtime = ""
     max_batch = 1
     in_flight = 1
     segments = False

@@ -40,7 +40,7 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import cv2
 
@@ -54,6 +54,7 @@ from benchmarks.space.speed import crowded_views
 from benchmarks.space.speed import measure as measure_speed
 from benchmarks.space.views import seeds, view_of
 from services.detector.model import ModelError
+from services.detector.runtime.engine import Runtime
 from services.detector.settings import SHIPPED_MODEL
 from services.toolbox.train.inference import open_weights
 from services.training.evaluation.predictor import CONFIDENCE
@@ -76,6 +77,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Measure and print. Bad weights end it with one line and the exit code 2."""
     parser = parser_of("benchmarks.space", __doc__)
     parser.add_argument("--weights", type=Path, default=SHIPPED_MODEL, help="the model (default: the shipped one)")
+    parser.add_argument("--runtime", choices=get_args(Runtime), default="torch", help="default: %(default)s")
     parser.add_argument("--views", type=at_least_one, default=VIEWS, help="how many scenes (default: %(default)s)")
     parser.add_argument(
         "--drives", type=at_least_one, default=DRIVES, help="how many more to drive in (default: %(default)s)"
@@ -93,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     arguments = parser.parse_args(argv)
     try:
         with contextlib.redirect_stdout(sys.stderr):
-            found = measure(arguments.weights, _size(arguments), arguments.seconds)
+            found = measure(arguments.weights, arguments.runtime, _size(arguments), arguments.seconds)
     except (ModelError, OSError) as error:
         parser.exit(2, f"{parser.prog}: {' '.join(str(error).split())}\n")
     show(found, as_json=arguments.json)
@@ -114,7 +116,7 @@ def _size(arguments: argparse.Namespace) -> Size:
     return Size(arguments.views, arguments.drives, arguments.frames, arguments.crowded, arguments.rounds)
 
 
-def measure(weights: Path, asked: Size, seconds: float) -> dict[str, Any]:
+def measure(weights: Path, runtime: str, asked: Size, seconds: float) -> dict[str, Any]:
     """Load the model, look, measure. seconds: after which no view or drive begins but the first.
 
     Raises:
@@ -125,7 +127,7 @@ def measure(weights: Path, asked: Size, seconds: float) -> dict[str, Any]:
     view_seeds, drive_seeds = seeds(asked.views), seeds(asked.drives, DRIVES_FIRST)
     views = drives = 0
     with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
-        predict = open_weights(weights, confidence=CONFIDENCE, device="cpu", folder=Path(folder))
+        predict = open_weights(weights, confidence=CONFIDENCE, device="cpu", folder=Path(folder), runtime=runtime)
         samples = Samples(list)
         for views, seed in _while_time(view_seeds, began + FOR_VIEWS * seconds):
             view = view_of(seed)
@@ -145,6 +147,7 @@ def measure(weights: Path, asked: Size, seconds: float) -> dict[str, Any]:
         "asked": asdict(asked),
         "seeds": {"views": [view_seeds[0], view_seeds[views - 1]], "drives": [drive_seeds[0], drive_seeds[drives - 1]]},
         "weights": weights.name,
+        "runtime": runtime,
         "threads": {"opencv": cv2.getNumThreads(), "model": 1},
         "machine": machine(),
         "versions": versions(PACKAGES),

@@ -82,6 +82,11 @@ class FleetModel:
         return self.in_force.label
 
     @property
+    def runtime(self) -> str:
+        """That of the model in force."""
+        return self.in_force.model.runtime
+
+    @property
     def max_batch(self) -> int:
         """See `Model.max_batch`."""
         return min(each.model.max_batch for each in self._loaded())

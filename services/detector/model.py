@@ -88,6 +88,10 @@ class Model(Protocol):
         """Name of the model in results; at most MAX_LABEL characters."""
 
     @property
+    def runtime(self) -> str:
+        """Name of the runtime that the model runs under, as of `--runtime`; empty where nobody says."""
+
+    @property
     def max_batch(self) -> int:
         """Largest useful batch; at least 1."""
 

@@ -42,6 +42,11 @@ class PairedModel:
         return min(self._boxes.max_batch, self.masks.max_batch)
 
     @property
+    def runtime(self) -> str:
+        """See `Model.runtime`."""
+        return "+".join(dict.fromkeys((self._boxes.runtime, self.masks.runtime)))
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """See `Model.remarks`."""
         # the other model makes the masks

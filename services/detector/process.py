@@ -170,6 +170,7 @@ class DetectorWorker:
         remarks = [*deviations(self._configured, self._model.tuning), *self._model.remarks]
         return {
             "model": self._model.name,
+            "runtime": self._model.runtime[:MAX_LABEL],
             "canary": _canary(self._model)[:MAX_LABEL],
             "remarks": [remark[:MAX_LABEL] for remark in remarks],
             "classes": list(self._model.classes[:MAX_CLASSES]),
@@ -203,7 +204,7 @@ async def run(settings: DetectorSettings) -> int:
             return await _follow_fleet(settings, Path(folder), executor)
         log.info("loading %s", settings.model)
         model = await asyncio.get_running_loop().run_in_executor(executor, load_all, settings, Path(folder))
-        log.info("%s is ready; worker %s", model.name, settings.worker)
+        log.info("%s is ready; worker %s; runtime %s", model.name, settings.worker, model.runtime)
         for remark in model.remarks:
             log.warning("%s", remark)
         try:
@@ -230,7 +231,7 @@ async def _follow_fleet(settings: DetectorSettings, folder: Path, executor: Exec
         running = group.create_task(rollout.run())
         try:
             model = await rollout.first(DETECTOR.service, settings.worker)
-            log.info("%s is ready; worker %s", model.name, settings.worker)
+            log.info("%s is ready; worker %s; runtime %s", model.name, settings.worker, model.runtime)
             is_shipped = partial(_is_one_of, shipped, model)
             following = await asyncio.to_thread(tracking, settings, model, is_shipped)
             with _closing(following):

@@ -119,7 +119,7 @@ Region = Annotated[str, AfterValidator(_region)]
 NewName = Annotated[str, AfterValidator(_new_name)]
 NameConfidence = Annotated[str, AfterValidator(_name_confidence)]
 
-Runtime = Literal["auto", "torch", "onnx", "openvino", "tensorrt"]
+Runtime = Literal["auto", "torch", "onnx", "openvino", "openvino-int8", "tensorrt"]
 
 
 class LookSettings(BaseModel):
@@ -247,6 +247,13 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
         Runtime,
         Field(description="inference runtime; auto measures those installed once a week and takes the fastest"),
     ] = "auto"
+    int8: Annotated[
+        bool,
+        Field(
+            description="let --runtime auto choose the INT8 networks of an exported model that has them, as the shipped"
+            " one has; --no-int8 leaves them out"
+        ),
+    ] = True
     tracker: Annotated[
         Literal["off", "bytetrack", "botsort"], Field(description="tracker that follows objects from frame to frame")
     ] = "botsort"

@@ -26,6 +26,7 @@ NEEDS: Final[Mapping[Runtime, tuple[str, ...]]] = {
     "torch": (),
     "onnx": ("onnx", "onnxruntime"),
     "openvino": ("onnx", "openvino"),
+    "openvino-int8": ("onnx", "openvino"),
     "tensorrt": ("onnx", "tensorrt"),
 }
 """Packages that make a model of weights run, beside torch."""
@@ -33,6 +34,7 @@ NEEDS: Final[Mapping[Runtime, tuple[str, ...]]] = {
 REMEDIES: Final[Mapping[Runtime, str]] = {
     "onnx": "see fleetsight's extra [onnx]",
     "openvino": "see fleetsight's extra [openvino]",
+    "openvino-int8": "see fleetsight's extra [openvino]",
     "tensorrt": "see fleetsight's extra [onnx], and NVIDIA's package tensorrt for this machine's CUDA",
 }
 FOR_DEVICE: Final[Mapping[str, tuple[Runtime, ...]]] = {
@@ -196,10 +198,10 @@ def _made(make: Callable[[Runtime], Engine], candidates: Iterable[Runtime]) -> l
 
 
 def _memory(place: RuntimeTarget, candidates: Iterable[Runtime]) -> Path:
-    """Return the file that keeps the choice; it depends on the machine, device, GPU and versions."""
+    """Return the file that keeps the choice; it depends on the candidates, machine, device, GPU and versions."""
     packages = {"torch", "ultralytics"}.union(*(NEEDS[each] for each in candidates))
     here = [place.device, place.gpu, place.threads, platform.node()]
-    about = [place.digest, place.longest, *here, *installed(packages)]
+    about = [place.digest, place.longest, *here, *candidates, *installed(packages)]
     return place.cache / f"choice-{hashlib.sha256(repr(about).encode()).hexdigest()[:32]}"
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from services.detector.runtime.postprocess import Output
 from services.detector.runtime.refinement.refiner import Refiner
 
-Runtime = Literal["torch", "onnx", "openvino", "tensorrt"]
+Runtime = Literal["torch", "onnx", "openvino", "openvino-int8", "tensorrt"]
 
 BATCH_ON_GPU: Final = 8
 """Images of different cameras that one call computes together where that costs little more than one."""

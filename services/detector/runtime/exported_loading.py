@@ -19,8 +19,11 @@ from services.detector.settings import GPU, DetectorSettings
 
 log = logging.getLogger(__name__)
 
-PACKAGES: Final[dict[Runtime, str]] = {"openvino": "openvino", "onnx": "onnxruntime"}
-"""The package that each runtime needs, the faster one on most processors first."""
+PACKAGES: Final[dict[Runtime, str]] = {"openvino": "openvino", "openvino-int8": "openvino", "onnx": "onnxruntime"}
+"""The package that each runtime needs; of runtimes that are as fast `choose` takes the first."""
+
+INT8: Final = "openvino-int8"
+"""ONNX Runtime takes longer for INT8 networks than for those in single precision."""
 
 
 def running_export(
@@ -37,10 +40,10 @@ def running_export(
     on_processor = settings.runtime == "openvino" or model.file.suffix.lower() != ONNX_SUFFIX
     gpu = _gpu("cpu" if on_processor and settings.device is None else settings.device)
     threads = settings.inference_threads
-    candidates = _candidates(model, settings.runtime, gpu)
+    candidates = _candidates(model, settings, gpu)
 
     def make(runtime: Runtime) -> Engine:
-        made = _made(runtime, model.file, threads, gpu)
+        made = _made(runtime, model, threads, gpu)
         prove(made, blank, model.names, model.stride, head=model.head, task=model.task)
         return made
 
@@ -52,15 +55,24 @@ def running_export(
             model.digest, longest, "cpu", threads, settings.cache, spare=folder, candidates=candidates
         )
         runtime, engine = choose(make, place, blank)
-    refiner = None if model.refiner is None else _refiner(model.refiner, model, engine, blank, threads)
+    refiner = _refiner(model, runtime, engine, blank, threads)
     return RunningModel(runtime, engine, None, refiner, many=gpu is not None and model.many)
 
 
-def _candidates(model: ExportedModel, requested: str, gpu: int | None) -> tuple[Runtime, ...]:
+def _candidates(model: ExportedModel, settings: DetectorSettings, gpu: int | None) -> tuple[Runtime, ...]:
     """Return the installed runtimes that can run a model, or the requested one alone."""
-    able: tuple[Runtime, ...] = ("openvino", "onnx") if model.file.suffix.lower() == ONNX_SUFFIX else ("openvino",)
-    if gpu is not None:
-        able = tuple(each for each in able if each == "onnx")
+    requested = settings.runtime
+    if requested == INT8 and model.int8 is None:
+        raise ModelError(
+            f"--runtime {INT8}: {model.path.name} contains no INT8 networks; fleetsight model export --int8 adds them"
+        )
+    able: tuple[Runtime, ...] = tuple(PACKAGES)
+    if model.file.suffix.lower() != ONNX_SUFFIX:
+        able = ("openvino",)
+    elif gpu is not None:
+        able = ("onnx",)
+    elif model.int8 is None or not (settings.int8 or requested == INT8):
+        able = ("openvino", "onnx")
     wanted = tuple(each for each in able if requested in ("auto", each))
     if not wanted:
         on = "" if gpu is None else " on a GPU"
@@ -103,26 +115,38 @@ def _has_gpu() -> bool:
     return has_gpu()
 
 
-def _made(runtime: Runtime, file: Path, threads: int, gpu: int | None) -> Engine:
-    if runtime == "openvino":
-        from services.detector.runtime.openvino_engine import OpenVinoEngine  # noqa: PLC0415 - it may not be there
+def _made(runtime: Runtime, model: ExportedModel, threads: int, gpu: int | None) -> Engine:
+    if runtime == "onnx":
+        from services.detector.runtime.onnx_engine import OnnxEngine  # noqa: PLC0415 - it may not be there
 
-        return OpenVinoEngine(file, threads)
-    from services.detector.runtime.onnx_engine import OnnxEngine  # noqa: PLC0415 - as above
+        return OnnxEngine(model.file, threads, gpu=gpu)
+    from services.detector.runtime.openvino_engine import OpenVinoEngine  # noqa: PLC0415 - as above
 
-    return OnnxEngine(file, threads, gpu=gpu)
+    return OpenVinoEngine(model.int8.network if runtime == INT8 and model.int8 else model.file, threads)
 
 
 def _refiner(
-    content: bytes, model: ExportedModel, engine: Engine, blank: NDArray[np.uint8], threads: int
+    model: ExportedModel, runtime: Runtime, engine: Engine, blank: NDArray[np.uint8], threads: int
 ) -> Refiner | None:
-    """Return the refiner under ONNX Runtime; None, with a warning, where it does not work: masks then stay coarse."""
+    """Return the refiner, in INT8 beside such a network; None, with a warning, where it does not work.
+
+    Masks then stay coarse. In single precision it runs under ONNX Runtime; OpenVINO would take as long.
+    """
+    if model.refiner is None:
+        return None
     (output,) = engine.run(blank)
     prototypes = 0 if output.prototypes is None else len(output.prototypes)
+    int8 = model.int8.refiner if runtime == INT8 and model.int8 else None
     try:
-        from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415 - as above
+        refiner: Refiner
+        if int8 is not None:
+            from services.detector.runtime.openvino_engine import OpenVinoRefiner  # noqa: PLC0415 - as above
 
-        refiner = OnnxRefiner(content, threads)
+            refiner = OpenVinoRefiner(int8, threads)
+        else:
+            from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415 - as above
+
+            refiner = OnnxRefiner(model.refiner, threads)
         refiner.run(blank_close_ups(1, prototypes))
     except Exception as error:  # noqa: BLE001 - what the model finds is no worse for it
         log.warning("%s leaves masks coarse: its refiner does not work: %s", model.path.name, first_line(error))

@@ -5,6 +5,7 @@ import base64
 import binascii
 import hashlib
 import logging
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +43,10 @@ SOURCE: Final = "fleetsight.source"
 model suppresses overlapping boxes of all classes by default, and the SHA-256 of the weights that the file was made
 of."""
 
+INT8: Final = "fleetsight.int8"
+INT8_REFINER: Final = "fleetsight.int8_refiner"
+"""The same networks in INT8, compressed by zlib and in base64, where the file has been made with them."""
+
 MOST_STRIDE: Final = 256
 """Pixels; of Ultralytics' models the largest is 64."""
 
@@ -51,19 +56,28 @@ RT_DETR: Final = "RTDETRDecoder"
 CURE: Final = "export it with `fleetsight model export` or `yolo export`"
 
 
+@dataclass(frozen=True, slots=True)
+class Int8Networks:
+    """A model's networks in INT8, each as the content of an ONNX file. refiner: as of `ExportedModel`."""
+
+    network: bytes
+    refiner: bytes | None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedModel(ModelFile):
     """An exported model.
 
     file: to be loaded, the ONNX or the .xml file. fixed: height and width of the only input that it takes, None where
     it takes any. many: whether it takes more than one image at once. refiner: of its masks as the content of an ONNX
-    file, if it has one and it is wanted.
+    file, if it has one and it is wanted. int8: its INT8 networks, if it has them.
     """
 
     file: Path
     fixed: tuple[int, int] | None
     many: bool
     refiner: bytes | None
+    int8: Int8Networks | None = None
 
 
 class _ExportError(ValueError):
@@ -183,7 +197,8 @@ def _described(path: Path, file: Path, told: Mapping[str, Any], shape: Shape, *,
         file=file,
         fixed=fixed,
         many=images is None,
-        refiner=_refiner(told) if refine else None,
+        refiner=_content(told, REFINER, "refiner") if refine else None,
+        int8=_int8(told, refine=refine),
     )
 
 
@@ -196,12 +211,21 @@ def _head(told: Mapping[str, Any]) -> Head:
     return "nms-free" if str(told.get("end2end")) == str(True) else "nms"
 
 
-def _refiner(told: Mapping[str, Any]) -> bytes | None:
-    content = told.get(REFINER)
+def _int8(told: Mapping[str, Any], *, refine: bool) -> Int8Networks | None:
+    network = _content(told, INT8, "INT8 network", compressed=True)
+    if network is None:
+        return None
+    refiner = _content(told, INT8_REFINER, "INT8 refiner", compressed=True) if refine else None
+    return Int8Networks(network, refiner)
+
+
+def _content(told: Mapping[str, Any], entry: str, what: str, *, compressed: bool = False) -> bytes | None:
+    content = told.get(entry)
     try:
-        return base64.b64decode(content, validate=True) if content else None
-    except (binascii.Error, ValueError) as error:
-        raise _ExportError("its refiner is damaged: export it again") from error
+        part = base64.b64decode(content, validate=True) if content else None
+        return zlib.decompress(part) if part and compressed else part
+    except (binascii.Error, ValueError, zlib.error) as error:
+        raise _ExportError(f"its {what} is damaged: export it again") from error
 
 
 def _digest(file: Path) -> str:

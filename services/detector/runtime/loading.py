@@ -16,7 +16,7 @@ from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.criteria import Criteria, listed, renamed
 from services.detector.runtime.engine import BATCH_ON_GPU, RunningModel
-from services.detector.runtime.exported_loading import running_export
+from services.detector.runtime.exported_loading import INT8, running_export
 from services.detector.runtime.exported_model import ExportedModel, read_exported
 from services.detector.runtime.model_file import ModelFile, is_exported
 from services.detector.runtime.offline import keep_offline, keep_torch_offline, set_environment
@@ -29,6 +29,9 @@ from services.detector.tracking.tracks import Tracking
 
 UNMEASURED: Final = {False: "torch", True: "onnx"}
 """Runtimes of weights and of exported models that work wherever such a model does."""
+
+WITHOUT_INT8: Final = {INT8: (INT8, "openvino")}
+"""Runtimes to try in place of one: not every exported model contains INT8 networks."""
 
 
 def load_all(settings: DetectorSettings, folder: Path) -> Model:
@@ -70,15 +73,20 @@ class SuccessiveLoading:
         runtime = self._runtimes.get(exported, settings.runtime)
         if self._runtimes and runtime == "auto":
             runtime = UNMEASURED[exported]
-        try:
-            model = load_all(settings.model_copy(update={"runtime": runtime}), self._folder)
-        except ModelError:
-            if runtime == settings.runtime:
-                raise
-            model = load_all(settings, self._folder)
+        model = self._loaded(settings, *WITHOUT_INT8.get(runtime, (runtime,)))
         if (found := _runtime_of(model)) is not None:
             self._runtimes.setdefault(exported, found)
         return model
+
+    def _loaded(self, settings: DetectorSettings, *runtimes: str) -> Model:
+        """Load under the first of these runtimes that works, or as asked for."""
+        for runtime in runtimes:
+            try:
+                return load_all(settings.model_copy(update={"runtime": runtime}), self._folder)
+            except ModelError:
+                if runtime == settings.runtime:
+                    raise
+        return load_all(settings, self._folder)
 
 
 def _runtime_of(model: Model) -> str | None:

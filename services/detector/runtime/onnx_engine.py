@@ -62,11 +62,11 @@ def has_gpu() -> bool:
 
 
 class OnnxEngine:
-    """Runs an ONNX file on the CPU, or on a GPU where the installed ONNX Runtime can; see `providers`."""
+    """Runs an ONNX file or its content on the CPU, or a GPU where the installed ONNX Runtime can; see `providers`."""
 
-    def __init__(self, path: Path, threads: int, *, gpu: int | None) -> None:
+    def __init__(self, model: Path | bytes, threads: int, *, gpu: int | None) -> None:
         able = onnxruntime.get_available_providers()
-        content = path.read_bytes()  # of a path it takes texts alone
+        content = model if isinstance(model, bytes) else model.read_bytes()  # of a path it takes texts alone
         options = alone(session_options(threads))
         self._session = onnxruntime.InferenceSession(content, options, providers=providers(gpu, able))
         if gpu is not None and _CUDA not in self._session.get_providers():

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from services.detector.runtime.engine import outputs
 from services.detector.runtime.postprocess import Output
+from services.detector.runtime.refinement.refiner import CloseUps, Floats, Refined, refined
 
 sys.modules.setdefault("openvino_telemetry", None)  # type: ignore[arg-type]  # keeps it from being imported: it phones
 import openvino  # noqa: E402
@@ -33,13 +34,13 @@ def input_shape(path: Path) -> tuple[int | None, ...]:
 
 
 class OpenVinoEngine:
-    """Runs an ONNX or .xml file on the CPU, in the precision that OpenVINO finds fastest there."""
+    """Runs an ONNX file, its content or an .xml file on the CPU, in the precision that OpenVINO finds fastest there."""
 
-    def __init__(self, path: Path, threads: int) -> None:
+    def __init__(self, model: Path | bytes, threads: int) -> None:
         # OpenVINO gives the thread that makes a model another stack for signals, and unmaps it with the model: where
         # that happens on another thread, the next signal kills the process. The thread that makes this one ends first.
         with ThreadPoolExecutor(1) as maker:
-            self._request = maker.submit(_request, path, threads).result()
+            self._request = maker.submit(_image_request, model, threads).result()
 
     def run(self, images: NDArray[np.uint8]) -> list[Output]:
         """See `Engine.run`."""
@@ -48,9 +49,31 @@ class OpenVinoEngine:
         return outputs(predictions, prototypes[0] if prototypes else None)
 
 
-def _request(path: Path, threads: int) -> openvino.InferRequest:
+class OpenVinoRefiner:
+    """Runs a refiner, an ONNX file's content, on the CPU."""
+
+    def __init__(self, model: bytes, threads: int) -> None:
+        with ThreadPoolExecutor(1) as maker:  # as above
+            self._request = maker.submit(_request, model, threads).result()
+
+    def run(self, seen: CloseUps) -> Refined:
+        """See `Refiner.run`."""
+        return refined(seen, self._compute)
+
+    def _compute(self, given: list[NDArray[Any]]) -> tuple[Floats, Floats]:
+        found = self._request.infer(given, share_inputs=True)
+        odds, qualities = (np.array(found[index], np.float32) for index in range(2))
+        return odds, qualities
+
+
+def _request(model: bytes, threads: int) -> openvino.InferRequest:
     core = openvino.Core()
-    pixels = openvino.preprocess.PrePostProcessor(core.read_model(path))
+    return core.compile_model(core.read_model(model), DEVICE, hints(threads)).create_infer_request()
+
+
+def _image_request(model: Path | bytes, threads: int) -> openvino.InferRequest:
+    core = openvino.Core()
+    pixels = openvino.preprocess.PrePostProcessor(core.read_model(model))
     pixels.input().tensor().set_element_type(openvino.Type.u8).set_layout(openvino.Layout("NHWC"))
     pixels.input().model().set_layout(openvino.Layout("NCHW"))
     pixels.input().preprocess().convert_element_type(openvino.Type.f32).scale(255.0).convert_element_type()

@@ -121,6 +121,7 @@ class Pipeline:
         in_flight: int = 2,
     ) -> None:
         self.name = facts.name[:MAX_LABEL]
+        self.runtime = facts.runtime
         self.max_batch = max_batch
         self.in_flight = in_flight
         self.facts = facts

@@ -11,13 +11,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from services.detector.model import first_line
+from services.detector.model import ModelError, first_line
 from services.detector.runtime.choosing import RuntimeTarget, check_installed, choose, for_weights
 from services.detector.runtime.engine import BATCH_ON_GPU, Engine, RunningModel, Runtime
 from services.detector.runtime.exporting import discard, exported
 from services.detector.runtime.pipeline import prove
 from services.detector.runtime.postprocess import OutputError
-from services.detector.runtime.refinement.network import RefinerNetwork
+from services.detector.runtime.refinement.network import RefinerNetwork, onnx_of
 from services.detector.runtime.refinement.refiner import Refiner, blank_close_ups
 from services.detector.runtime.refinement.torch_refiner import TorchRefiner
 from services.detector.runtime.torch_engine import TorchEngine
@@ -118,10 +118,9 @@ def _refiner(network: RefinerNetwork, runtime: Runtime, device: torch.device, th
 
 
 def _onnx_refiner(network: RefinerNetwork, threads: int) -> Refiner:
-    from services.detector.runtime.refinement import exporting  # noqa: PLC0415 - it is heavy
     from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415 - it may not be there
 
-    return OnnxRefiner(exporting.onnx_of(network), threads)
+    return OnnxRefiner(onnx_of(network), threads)
 
 
 def _gpu(device: torch.device) -> int | None:
@@ -149,6 +148,11 @@ def _make(
             return _loaded(partial(OpenVinoEngine, threads=place.threads), partial(file, "onnx"))
         case "tensorrt":
             return _loaded(partial(TorchEngine, device=device), partial(file, "engine"))
+        case "openvino-int8":
+            raise ModelError(
+                f"--runtime {runtime}: weights contain no INT8 networks; exported models may:"
+                f" fleetsight model export {weights.path.name} --int8 PICTURES"
+            )
 
 
 def _loaded(engine: Callable[[Path], Engine], file: Callable[..., Path]) -> Engine:

@@ -48,7 +48,13 @@ async def absent_robots(bus: Bus, robots: Iterable[str]) -> list[str]:
 def as_json(state: ModelRegistry, statuses: Sequence[WorkerStatus]) -> str:
     """Return the registry's state and the workers as a line of JSON."""
     workers = [
-        {"worker": each.worker, "model": each.model, "canary": each.canary, "remarks": each.remarks}
+        {
+            "worker": each.worker,
+            "model": each.model,
+            "runtime": each.runtime,
+            "canary": each.canary,
+            "remarks": each.remarks,
+        }
         for each in statuses
     ]
     return msgspec.json.encode({**msgspec.to_builtins(state), "workers": workers}).decode() + "\n"
@@ -61,9 +67,12 @@ def as_table(state: ModelRegistry, statuses: Sequence[WorkerStatus]) -> str:
     if not models:
         lines = ["no model is published yet: fleetsight model publish FILE"]
     workers = [
-        (each.worker, each.model or "none yet", f"canary {each.canary}" if each.canary else "") for each in statuses
+        (each.worker, each.model or "none yet", each.runtime, f"canary {each.canary}" if each.canary else "")
+        for each in statuses
     ]
-    lines += ["", *_columns([("worker", "runs", ""), *workers])] if workers else ["", "no detector worker is heard"]
+    lines += (
+        ["", *_columns([("worker", "runs", "under", ""), *workers])] if workers else ["", "no detector worker is heard"]
+    )
     for each in statuses:
         lines += [f"  {each.worker}: {remark}" for remark in each.remarks]
     return "".join(f"{printable(line)}\n" for line in lines)

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from bus import Bus, NotServedError, RefusedError, RequestError, RequestTimeoutError, open_bus
 from schemas.errors import SchemaError
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from services.detector.runtime.model_file import ModelFile
 
 FAILED: Final = 1
-EXPORTERS: Final = (*WEIGHTS_NEED, "onnx")
+EXPORTERS: Final = (*WEIGHTS_NEED, "onnx", "onnxruntime")
 """Packages that an export needs."""
 
 MIN_PREFIX: Final = 4
@@ -114,7 +114,7 @@ def _own_errors() -> Iterator[Path]:
             raise _ModelCommandError(str(error)) from error
 
 
-def _read(file: Path, option: str, **options: Any) -> "ModelFile":
+def _read(file: Path, option: str) -> "ModelFile":
     """Read a model's file; option: how to call it in messages. Takes seconds.
 
     Raises:
@@ -123,7 +123,7 @@ def _read(file: Path, option: str, **options: Any) -> "ModelFile":
     from services.detector.runtime.loading import read_model  # noqa: PLC0415 - as above
 
     with _own_errors() as folder:
-        return read_model(str(file), folder, option, **options)
+        return read_model(str(file), folder, option)
 
 
 def _try(file: Path) -> None:
@@ -136,24 +136,34 @@ def _try(file: Path) -> None:
 
 
 async def _export(settings: ModelSettings) -> None:
-    content = await asyncio.to_thread(_exported, settings)
+    content, remark = await asyncio.to_thread(_exported, settings)
     await asyncio.to_thread(write_whole, settings.exported_file, content)
-    _print(f"exported: {settings.exported_file}, {len(content) / 1e6:.1f} MB; it runs without torch")
+    _print(f"exported: {settings.exported_file}, {len(content) / 1e6:.1f} MB; it runs without torch{remark}")
 
 
-def _exported(settings: ModelSettings) -> bytes:
+def _exported(settings: ModelSettings) -> tuple[bytes, str]:
+    """Return the file's content, and what is to be said of it."""
     if missing := not_installed(EXPORTERS):
         raise _ModelCommandError(
             f"export: {missing[0]} is not installed; it comes with pip install -c constraints.txt '.[onnx]'"
         )
-    from services.detector.runtime.portable import portable  # noqa: PLC0415 - as above
-    from services.detector.runtime.weights import Weights  # noqa: PLC0415 - as above
+    with _own_errors() as folder:  # Ultralytics keeps its settings there for as long as it exports
+        from services.detector.runtime.loading import read_model  # noqa: PLC0415 - as above
+        from services.detector.runtime.portable import portable  # noqa: PLC0415 - as above
 
-    weights = _read(settings.file, "export", nms=settings.nms)
-    if not isinstance(weights, Weights):
-        raise _ModelCommandError(f"{settings.target} is exported already")
-    with _own_errors():
-        return portable(weights, settings.image_size or weights.longest)
+        weights = read_model(str(settings.file), folder, "export", nms=settings.nms)
+        from services.detector.runtime.weights import Weights  # noqa: PLC0415 - it needs what reading has set
+
+        if not isinstance(weights, Weights):
+            raise _ModelCommandError(f"{settings.target} is exported already")
+        longest = settings.image_size or weights.longest
+        if settings.int8 is None:
+            return portable(weights, longest), ""
+        from services.detector.runtime.quantizing import Quantizer  # noqa: PLC0415 - as above
+
+        quantizer = Quantizer(weights, longest, settings.pictures, _show)
+        content = portable(weights, longest, quantizer)
+        return content, f"; in INT8 {quantizer.equal} of {quantizer.compared} pictures get the same classes"
 
 
 def _myself() -> str:
@@ -161,6 +171,13 @@ def _myself() -> str:
     with suppress(OSError, KeyError):  # a user id without a name
         user = getpass.getuser()
     return f"{user}@{socket.gethostname()}"[:MAX_LABEL]
+
+
+def _show(step: str, done: int, total: int) -> None:
+    """Show on a terminal how many pictures were looked at."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r{step}: {done} of {total} pictures" + ("\n" if done == total else ""))
+        sys.stderr.flush()
 
 
 class _Progress:

@@ -11,6 +11,7 @@ from schemas.errors import SchemaError
 from schemas.keys import check_name
 from schemas.models import MAX_CANARY_ROBOTS
 from schemas.printing import printable
+from services.data_folder import IMAGE_SUFFIXES
 from services.detector.settings import LEAST_SIDE, MOST_SIDE, SHIPPED, shipped_path
 from services.option_names import given_as_options
 
@@ -20,6 +21,7 @@ OWN: Final = {
     "json_": "list",
     "output": "export",
     "image_size": "export",
+    "int8": "export",
     "nms": "export",
 }
 """The task of each option that only one has."""
@@ -65,6 +67,13 @@ class ModelSettings(BusSettings):
     nms: Annotated[bool | None, Field(description="export the head with or without NMS; see `fleetsight detector`")] = (
         None
     )
+    int8: Annotated[
+        Path | None,
+        Field(
+            description="folder of pictures (.jpg, .jpeg, .png; 164 at least, like those of the cameras): export INT8"
+            " networks too, calibrated on some of them, if 99 in 100 of the others get the same classes"
+        ),
+    ] = None
     json_: Annotated[bool, Field(alias="json", description="list as one JSON object")] = False
     timeout_s: Annotated[float, Field(gt=0, le=60, description="seconds to wait for the monitor's answer")] = 10.0
 
@@ -91,7 +100,16 @@ class ModelSettings(BusSettings):
             self._check_output()
         return self
 
+    @property
+    def pictures(self) -> list[Path]:
+        """The pictures in the folder of --int8 and in folders below it."""
+        if self.int8 is None:
+            return []
+        return sorted(each for each in self.int8.rglob("*") if each.suffix.lower() in IMAGE_SUFFIXES)
+
     def _check_output(self) -> None:
+        if self.int8 is not None and not self.int8.is_dir():
+            raise ValueError(f"--int8 {printable(str(self.int8))}: no such folder")
         output = printable(str(self.exported_file))
         if self.exported_file.suffix.lower() != ".onnx":
             raise ValueError(f"--output {output}: the name of an ONNX file ends in .onnx")

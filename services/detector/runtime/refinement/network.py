@@ -4,6 +4,8 @@ It also tells how good each mask has become, as Mask Scoring R-CNN does (Huang e
 true mask, 0 where there is no such object.
 """
 
+import io
+import warnings
 from typing import Any, Final
 
 import torch
@@ -11,7 +13,7 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from services.detector.runtime.refinement.refiner import CHANNELS, COARSE
+from services.detector.runtime.refinement.refiner import CHANNELS, COARSE, blank_close_ups
 
 WIDTHS: Final = (12, 24, 48, 64)
 """Channels at the whole size, at a half, a quarter and an eighth."""
@@ -21,6 +23,10 @@ JUDGING: Final = 32
 
 STEEPNESS: Final = 8.0
 """Log odds of what the coarse mask is sure of."""
+
+OPSET: Final = 17
+NAMES: Final = ("pixels", "features", "labels", "scores", "odds", "qualities")
+"""What it takes, as `CloseUps` has it, and what it returns; the first dimension of each is any number of objects."""
 
 
 class Layer(nn.Sequential):
@@ -98,3 +104,25 @@ def expected_iou(odds: Tensor) -> Tensor:
 
 def _twice(planes: Tensor) -> Tensor:
     return interpolate(planes, scale_factor=2.0, mode="bilinear", align_corners=False)
+
+
+def onnx_of(network: RefinerNetwork) -> bytes:
+    """Return a network as the content of an ONNX file, for libraries other than torch. It can no longer be trained."""
+    network.eval().fuse()
+    seen = blank_close_ups(2, network.prototypes)
+    example = tuple(map(torch.from_numpy, (seen.pixels, seen.features, seen.labels, seen.scores)))
+    file: Any = io.BytesIO()  # its types know of paths alone
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # torch would rather have another exporter used, which needs more packages
+        torch.onnx.export(
+            network,
+            example,
+            file,
+            input_names=NAMES[: len(example)],
+            output_names=NAMES[len(example) :],
+            dynamic_axes={name: {0: "objects"} for name in NAMES},
+            opset_version=OPSET,
+            dynamo=False,
+        )
+    content: bytes = file.getvalue()
+    return content

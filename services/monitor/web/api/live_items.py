@@ -96,7 +96,7 @@ def of_worker(worker: WorkerLine) -> Found:
     """Return the item of a worker."""
     status = worker.status
     loads = tuple((load.robot, load.camera, load.serving) for load in status.cameras)
-    state = (worker.online, status.model, loads, tuple(status.remarks), status.version)
+    state = (worker.online, status.model, loads, tuple(status.remarks), status.version, status.runtime)
     name = (status.service, status.worker)
     return name, state, "", lambda: worker_answer(worker).model_dump_json(by_alias=True)
 

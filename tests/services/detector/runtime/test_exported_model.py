@@ -17,10 +17,19 @@ from onnxruntime.transformers.float16 import convert_float_to_float16
 from schemas.detections import Detection
 from services.detector.model import DetectedObjects, ModelError
 from services.detector.runtime import postprocess
-from services.detector.runtime.exported_model import AGNOSTIC, HEAD, REFINER, SOURCE, read_exported
+from services.detector.runtime.exported_loading import _candidates
+from services.detector.runtime.exported_model import (
+    AGNOSTIC,
+    HEAD,
+    INT8,
+    INT8_REFINER,
+    REFINER,
+    SOURCE,
+    read_exported,
+)
 from services.detector.runtime.loading import load
 from services.detector.runtime.model_file import Task
-from services.detector.runtime.overlap import difference
+from services.detector.runtime.overlap import MAX_SCORE_GAP, MIN_OVERLAP, boxes_of, difference, ious
 from services.detector.runtime.portable import portable
 from services.detector.settings import SHIPPED_EXPORT, SHIPPED_MODEL, DetectorSettings
 from services.model_registry.registry import digest_of
@@ -64,6 +73,29 @@ def test_the_shipped_export_finds_what_the_shipped_weights_find(
     assert all(each.mask is not None and each.mask.quality is not None for each in found)
 
 
+def test_int8_networks_find_the_classes_that_the_shipped_weights_find(
+    view: NDArray[np.uint8], expected: list[Detection], model_folder: Path
+) -> None:
+    found = found_by(SHIPPED_EXPORT, view, model_folder, runtime="openvino-int8")
+    assert {each.name for each in found} == {each.name for each in expected}
+    best, also = max(found, key=lambda each: each.score), max(expected, key=lambda each: each.score)
+    assert ious(boxes_of([best]), boxes_of([also])) > MIN_OVERLAP
+    assert best.name == also.name
+    assert abs(best.score - also.score) < MAX_SCORE_GAP
+    assert all(each.mask is not None and each.mask.quality is not None for each in found)
+
+
+def test_int8_networks_are_no_choice_where_they_are_not_wanted_or_not_there(tmp_path: Path) -> None:
+    shipped, without = read_exported(str(SHIPPED_EXPORT)), read_exported(str(changed(tmp_path, **{INT8: None})))
+    assert _candidates(shipped, DetectorSettings(), None) == ("openvino", "openvino-int8", "onnx")
+    assert _candidates(shipped, DetectorSettings(int8=False), None) == ("openvino", "onnx")
+    assert _candidates(without, DetectorSettings(), None) == ("openvino", "onnx")
+    assert _candidates(shipped, DetectorSettings(int8=False, runtime="openvino-int8"), None) == ("openvino-int8",)
+    assert _candidates(shipped, DetectorSettings(), 0) == ("onnx",)
+    with pytest.raises(ModelError, match=r"changed\.onnx contains no INT8 networks; fleetsight model export --int8"):
+        _candidates(without, DetectorSettings(runtime="openvino-int8"), None)
+
+
 def test_the_shipped_export_is_that_of_the_shipped_weights() -> None:
     exported = read_exported(str(SHIPPED_EXPORT))
     assert metadata(SHIPPED_EXPORT)[SOURCE] == digest_of(SHIPPED_MODEL)
@@ -74,9 +106,14 @@ def test_the_shipped_export_is_that_of_the_shipped_weights() -> None:
 def test_auto_chooses_among_what_is_installed(
     view: NDArray[np.uint8], expected: list[Detection], tmp_path: Path
 ) -> None:
-    assert difference(found_by(SHIPPED_EXPORT, view, tmp_path), expected, 0.25) is None
+    found = found_by(SHIPPED_EXPORT, view, tmp_path)
+    assert {each.name for each in found} == {each.name for each in expected}
     (choice,) = (tmp_path / "of exports").glob("choice-*")
-    assert choice.read_text().splitlines()[0] in ("onnx", "openvino")  # the next line says if the machine was busy
+    assert choice.read_text().splitlines()[0] in (
+        "onnx",
+        "openvino",
+        "openvino-int8",
+    )  # the next line says if the machine was busy
 
 
 def test_masks_stay_coarse_where_they_are_not_to_be_refined(view: NDArray[np.uint8], model_folder: Path) -> None:
@@ -180,6 +217,8 @@ def changed(folder: Path, **entries: str | None) -> Path:
         ({"names": "{0: 'box', 1: 'pallet'}"}, "not a model that can be used: an output of"),
         ({"stride": "1000000"}, "its stride is 1000000 pixels, not 1 to 256"),
         ({REFINER: "no base64"}, "its refiner is damaged: export it again"),
+        ({INT8: "no base64"}, "its INT8 network is damaged: export it again"),
+        ({INT8_REFINER: "no base64"}, "its INT8 refiner is damaged: export it again"),
     ],
 )
 def test_metadata_that_cannot_be_right_is_refused(
@@ -250,7 +289,7 @@ def test_a_refiner_that_does_not_work_leaves_masks_coarse(
     [
         (
             {"runtime": "torch"},
-            "--runtime torch: warehouse-n-seg.onnx is exported, and runs under --runtime openvino or onnx",
+            "warehouse-n-seg.onnx is exported, and runs under --runtime openvino or openvino-int8 or onnx",
         ),
         ({"device": "cuda:0"}, "--device cuda:0: ONNX Runtime has no GPU here"),
         ({"device": "tpu"}, "--device tpu: exported models run on cpu or cuda:0"),
@@ -284,6 +323,7 @@ def test_an_export_of_weights_says_what_they_are(tmp_path: Path) -> None:
     assert (told[SOURCE], made.longest, made.names) == (weights.digest, 320, weights.names)
     assert made.refiner is not None
     assert {SOURCE, REFINER} <= told.keys()
+    assert not {INT8, INT8_REFINER} & told.keys()
     assert "date" not in told
 
 

@@ -54,7 +54,7 @@ def test_a_refiner_that_does_not_work_under_a_runtime_works_under_torch(
     def fail(*_: object) -> bytes:
         raise RuntimeError("no such operator")
 
-    monkeypatch.setattr("services.detector.runtime.refinement.exporting.onnx_of", fail)
+    monkeypatch.setattr("services.detector.runtime.torch_loading.onnx_of", fail)
     model = load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics")
     assert caplog.messages == ["masks are refined under torch: onnx cannot: no such operator"]
     assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))

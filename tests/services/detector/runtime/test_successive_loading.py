@@ -73,6 +73,29 @@ async def test_a_model_that_works_under_another_runtime_alone_changes_none_of_la
     assert asked == [("a.pt", "auto"), ("b.pt", "onnx"), ("b.pt", "auto"), ("c.pt", "onnx")]
 
 
+async def test_a_model_without_int8_networks_takes_the_runtime_that_they_run_under(
+    model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[str, str]] = []
+
+    def load(settings: DetectorSettings, _: Path) -> Model:
+        asked.append((settings.model, settings.runtime))
+        if asked[-1] == ("b.onnx", "openvino-int8"):
+            raise ModelError("it contains no INT8 networks")
+        return under("openvino-int8" if settings.runtime == "auto" else settings.runtime, model)
+
+    monkeypatch.setattr(loading, "load_all", load)
+    successive = SuccessiveLoading(DetectorSettings(runtime="auto"), tmp_path)
+    for file in ("a.onnx", "b.onnx", "c.onnx"):
+        successive.load(Path(file))
+    assert asked == [
+        ("a.onnx", "auto"),
+        ("b.onnx", "openvino-int8"),
+        ("b.onnx", "openvino"),
+        ("c.onnx", "openvino-int8"),
+    ]
+
+
 async def test_beside_a_model_for_boxes_the_runtime_is_that_of_the_models_that_change(
     model: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -26,6 +26,7 @@ class FakeModel:
 
     def __init__(self, *, segments: bool = True, remarks: tuple[str, ...] = (), broken: bool = False) -> None:
         self.name = "fake"
+        self.runtime = "fake"
         self.max_batch = 1
         self.in_flight = 1
         self.segments = segments

@@ -15,6 +15,7 @@ class ToldModel:
     """Answers each call when told to, or at once; fails on frames numbered FATAL. objects: found in every other one."""
 
     name = "told"
+    runtime = ""
     segments = False
     remarks: tuple[str, ...] = ()
     tuning = Tuning()

@@ -172,7 +172,13 @@ async def test_list_shows_models_and_the_workers_that_run_them(
     await use_model(site.bus, ModelUse(digest=ONE.digest), PATIENCE_S)
     await use_model(site.bus, ModelUse(digest=TWO.digest, robots=["r1"]), PATIENCE_S)
     status = WorkerStatus(
-        service="detector", worker="w1", model=ONE.label, canary=TWO.label, sent_ns=1, remarks=["a remark\x1b"]
+        service="detector",
+        worker="w1",
+        model=ONE.label,
+        canary=TWO.label,
+        sent_ns=1,
+        runtime="onnx",
+        remarks=["a remark\x1b"],
     )
     key, encoding = worker_status("detector", "w1"), codec.encoding(WorkerStatus)
     async with site.bus.publisher(key, QoS.STATUS, encoding=encoding) as worker:
@@ -185,9 +191,11 @@ async def test_list_shows_models_and_the_workers_that_run_them(
     assert newest.split()[:3] == ["two", TWO.digest[:12], "0.0"]
     assert newest.endswith("canary for r1")
     assert oldest.endswith("in force")
-    assert f"w1      {ONE.label}  canary {TWO.label}" in table
+    assert f"w1      {ONE.label}  onnx   canary {TWO.label}" in table
     assert "  w1: a remark\\x1b\n" in table
-    assert listed["workers"] == [{"worker": "w1", "model": ONE.label, "canary": TWO.label, "remarks": ["a remark\x1b"]}]
+    assert listed["workers"] == [
+        {"worker": "w1", "model": ONE.label, "runtime": "onnx", "canary": TWO.label, "remarks": ["a remark\x1b"]}
+    ]
     assert [each["digest"] for each in listed["models"]] == [ONE.digest, TWO.digest]
 
 

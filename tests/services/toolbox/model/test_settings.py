@@ -23,6 +23,8 @@ COMMAND = next(command for command in COMMANDS if command.name == "model")
         ({"task": "publish", "target": "/nowhere.pt"}, "/nowhere.pt: no such file"),
         ({"task": "publish", "target": "/"}, "/: a folder"),
         ({"task": "publish", "target": __file__, "name": "a/b"}, "model name 'a/b'"),
+        ({"task": "publish", "target": __file__, "int8": "."}, "publish takes no --int8; only export does"),
+        ({"task": "export", "target": __file__, "int8": "/nowhere"}, "--int8 /nowhere: no such folder"),
     ],
 )
 def test_what_does_not_fit_is_refused(fields: dict[str, object], why: str) -> None:

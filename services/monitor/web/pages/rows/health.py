@@ -58,6 +58,7 @@ def worker_row(worker: WorkerLine, rate_hz: float, now_ns: int) -> dict[str, Any
         "worker": worker.status.worker,
         "version": worker.status.version,
         "model": worker.status.model or NOTHING,
+        "runtime": worker.status.runtime,
         "count": len(serves),
         "serves": sorted(serves, key=natural)[:MAX_SHOWN],
         "more": f"and {len(serves) - MAX_SHOWN} more" if len(serves) > MAX_SHOWN else "",
@@ -116,12 +117,14 @@ SERVES: Final = """
 
 VERSION: Final = """<div class="fs-why" v-if="props.row.version">version {{ props.row.version }}</div>"""
 
+RUNTIME: Final = """<div class="fs-muted fs-small" v-if="props.row.runtime">{{ props.row.runtime }}</div>"""
+
 WORKER_BODY: Final = f"""
 <q-tr :props="props" :class="props.row.state === 'online' ? '' : 'fs-stale'" :data-worker="props.row.id">
   <q-td key="state" :props="props">{STATE}</q-td>
   <q-td key="worker" :props="props" class="fs-where"><span class="fs-name">{{{{ props.row.worker }}}}</span
     > <span class="fs-muted">{{{{ props.row.service }}}}</span>{VERSION}</q-td>
-  <q-td key="model" :props="props" class="fs-wide">{{{{ props.row.model }}}}</q-td>
+  <q-td key="model" :props="props" class="fs-wide">{{{{ props.row.model }}}}{RUNTIME}</q-td>
   <q-td key="count" :props="props" class="fs-wide">{SERVES}</q-td>
   <q-td key="rate" :props="props">{{{{ props.row.rate }}}}</q-td>
   <q-td key="frames" :props="props">{{{{ props.row.frames }}}}</q-td>
@@ -135,7 +138,7 @@ WORKER_CARD: Final = f"""
   <div class="fs-top"><span><strong>{{{{ props.row.worker }}}}</strong> {{{{ props.row.service }}}}</span>
     <span class="fs-small">{{{{ props.row.rate }}}}</span></div>
   <div class="fs-top"><span>{STATE}</span><span class="fs-muted fs-small">{{{{ props.row.seen }}}}</span></div>
-  <div class="fs-muted fs-small">{{{{ props.row.model }}}}</div>{VERSION}
+  <div class="fs-muted fs-small">{{{{ props.row.model }}}}{RUNTIME}</div>{VERSION}
   <div>{SERVES}</div>
 </div>
 """

@@ -5,7 +5,7 @@ import onnx
 import pytest
 import torch
 
-from services.detector.runtime.refinement.exporting import onnx_of
+from services.detector.runtime.refinement.network import onnx_of
 from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner
 from services.detector.runtime.refinement.refiner import AT_ONCE, SIDE, CloseUps, Refiner
 from services.detector.runtime.refinement.torch_refiner import TorchRefiner

@@ -1,0 +1,232 @@
+"""Makes INT8 networks with ONNX Runtime's quantizer, and compares what they find with single precision.
+
+Weights are rounded to 8 bits per channel, inputs of convolutions to 8 bits over the mean of the extremes that pictures
+have there. Between convolutions numbers stay as they are: activations rounded before SiLU lose the small ones, and a
+fifth of the pictures got other classes. Convolutions that gain little and lose much stay in single precision: the first
+ones, those of single channels, and the branch of the head that tells classes.
+"""
+
+import re
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+
+from schemas.detections import Detection
+from services.detector.model import ModelError, first_line
+from services.detector.pixels import ImageDecodeError, to_bgr
+from services.detector.runtime.candidates import Candidates
+from services.detector.runtime.criteria import Criteria
+from services.detector.runtime.engine import Engine
+from services.detector.runtime.exported_model import Int8Networks
+from services.detector.runtime.model_file import ModelFile
+from services.detector.runtime.onnx_engine import OnnxEngine, alone, session_options
+from services.detector.runtime.pipeline import Facts
+from services.detector.runtime.postprocess import Refine, objects
+from services.detector.runtime.refinement.refiner import AT_ONCE, CloseUps, close_ups
+from services.detector.stills import StillError, frame_of
+
+CALIBRATING: Final = 64
+"""Pictures whose activations are looked at."""
+COMPARING: Final = 300
+"""Further pictures, at most, on which the networks are compared."""
+LEAST_COMPARING: Final = 100
+LEAST_EQUAL: Final = 0.99
+"""Share of these in which both must find the same classes."""
+
+FIRST: Final = 8
+FIRST_OF_REFINER: Final = 1
+"""First convolutions of a network that stay in single precision."""
+
+CLASSES: Final = re.compile(r"/(one2one_)?cv3\.\d")
+"""In names of the convolutions that tell classes, as Ultralytics' heads have them."""
+
+THREADS: Final = 0
+"""As many as there are cores."""
+
+Feed = Mapping[str, NDArray[Any]]
+Progress = Callable[[str, int, int], None]
+"""Told a step's name, how many pictures are done, and how many there are."""
+
+
+class Quantizer:
+    """Makes INT8 networks of a model's networks in single precision.
+
+    pictures: some calibrate, and on others both are compared. equal, compared: of how many of these both found the same
+    classes.
+    """
+
+    def __init__(self, model: ModelFile, longest: int, pictures: Sequence[Path], progress: Progress) -> None:
+        self._facts = Facts(model.path.name, "onnx", model.names, model.task, longest, model.stride, model.head)
+        self._calibrating, self._comparing = _shared_out(pictures)
+        self._progress = progress
+        self.compared = len(self._comparing)
+        self.equal = 0
+
+    def __call__(self, network: bytes, refiner: bytes | None) -> Int8Networks:
+        """Return INT8 networks; both are given as the content of ONNX files.
+
+        Raises:
+            ModelError: a picture cannot be read, or the networks find other classes too often.
+        """
+        facts, progress = self._facts, self._progress
+        single = OnnxEngine(network, THREADS, gpu=None)
+        made = _int8(network, _images(network, self._calibrating, facts, progress), FIRST)
+        int8 = OnnxEngine(made, THREADS, gpu=None)
+        self._compare(single, int8)
+        if refiner is None:
+            return Int8Networks(made, None)
+        seen = _close_ups(refiner, single, self._calibrating, facts)
+        return Int8Networks(made, _int8(refiner, seen, FIRST_OF_REFINER))
+
+    def _compare(self, single: Engine, int8: Engine) -> None:
+        self.equal = 0
+        for done, file in enumerate(self._comparing, 1):
+            pixels = _pixels(file, self._facts)
+            self.equal += _classes(single, pixels, self._facts) == _classes(int8, pixels, self._facts)
+            self._progress("compare", done, self.compared)
+        if self.equal < LEAST_EQUAL * self.compared:
+            raise ModelError(
+                f"--int8: of {self.compared} pictures {self.compared - self.equal} get other classes in INT8, at most"
+                f" {round((1 - LEAST_EQUAL) * 100)} in 100 may: give pictures more like those of the cameras, or export"
+                " without --int8"
+            )
+
+
+def _shared_out(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
+    """Return pictures to calibrate with and others to compare on, both from all over the list."""
+    least = CALIBRATING + LEAST_COMPARING
+    if len(files) < least:
+        raise ModelError(
+            f"--int8: {len(files)} pictures in the folder; {least} are needed at least, {CALIBRATING} to calibrate and"
+            f" {LEAST_COMPARING} to compare"
+        )
+    chosen = _evenly(files, CALIBRATING + COMPARING)
+    calibrating = _evenly(chosen, CALIBRATING)
+    return calibrating, [each for each in chosen if each not in set(calibrating)]
+
+
+def _evenly(files: Sequence[Path], most: int) -> list[Path]:
+    count = min(most, len(files))
+    return [files[index * len(files) // count] for index in range(count)]
+
+
+def _int8(network: bytes, feeds: Iterable[Feed], first: int) -> bytes:
+    """Return an ONNX file's content with its convolutions in INT8, but for sensitive ones and so many first ones."""
+    import onnx  # noqa: PLC0415 - it may not be there
+    from onnxruntime import quantization  # noqa: PLC0415 - it needs onnx
+
+    model = onnx.load_from_string(network)
+    convolutions = [each for each in model.graph.node if each.op_type == "Conv"]
+    kept = [each.name for n, each in enumerate(convolutions) if n < first or _is_sensitive(each)]
+    with tempfile.TemporaryDirectory(prefix="fleetsight-", ignore_cleanup_errors=True) as folder:
+        file = Path(folder) / "int8.onnx"
+        try:
+            quantization.quantize_static(
+                model,
+                file,
+                _reader(iter(feeds)),
+                quant_format=quantization.QuantFormat.QDQ,
+                op_types_to_quantize=["Conv"],
+                nodes_to_exclude=kept,
+                per_channel=True,
+                activation_type=quantization.QuantType.QUInt8,
+                weight_type=quantization.QuantType.QInt8,
+                calibrate_method=quantization.CalibrationMethod.MinMax,
+                extra_options={"CalibMovingAverage": True, "OpTypesToExcludeOutputQuantization": ["Conv"]},
+            )
+        except ModelError:
+            raise
+        except Exception as error:
+            raise ModelError(f"--int8: the quantizer cannot do this: {first_line(error)}") from error
+        made = onnx.load(file)
+    del made.graph.value_info[:]
+    del made.metadata_props[:]
+    content: bytes = made.SerializeToString(deterministic=True)
+    return content
+
+
+def _is_sensitive(convolution: Any) -> bool:
+    groups = next((each.i for each in convolution.attribute if each.name == "group"), 1)
+    return groups > 1 or CLASSES.search(convolution.name) is not None
+
+
+def _reader(feeds: Iterator[Feed]) -> Any:
+    from onnxruntime.quantization import CalibrationDataReader  # noqa: PLC0415 - as above
+
+    class Reader(CalibrationDataReader):  # type: ignore[misc]  # it is untyped
+        def get_next(self) -> Feed | None:
+            return next(feeds, None)
+
+    return Reader()
+
+
+def _images(network: bytes, files: Sequence[Path], facts: Facts, progress: Progress) -> Iterator[Feed]:
+    (name,) = _inputs(network)
+    for done, file in enumerate(files, 1):
+        progress("calibrate", done, len(files))
+        pixels = _pixels(file, facts)
+        yield {name: np.ascontiguousarray(pixels.transpose(2, 0, 1)[None], np.float32) / np.float32(255)}
+
+
+def _close_ups(refiner: bytes, engine: Engine, files: Sequence[Path], facts: Facts) -> Iterator[Feed]:
+    """Yield what the refiner would be given for each picture with objects."""
+    names = _inputs(refiner)
+    found = 0
+    for file in files:
+        pixels = _pixels(file, facts)
+        seen = _seen(engine, pixels, facts)
+        if seen is None:
+            continue
+        found += 1
+        given = (seen.pixels, seen.features, seen.labels, seen.scores)
+        yield dict(zip(names, (each[:AT_ONCE] for each in given), strict=True))
+    if not found:
+        raise ModelError("--int8: the model finds no objects in the pictures; give pictures like those of the cameras")
+
+
+def _seen(engine: Engine, pixels: NDArray[np.uint8], facts: Facts) -> CloseUps | None:
+    """Return close-ups of the objects in a picture; None without objects."""
+    seen: list[CloseUps] = []
+
+    def note(found: Candidates, prototypes: NDArray[np.float32]) -> None:
+        seen.append(close_ups(pixels, found, prototypes))
+
+    _objects(engine, pixels, facts, refine=note)
+    return seen[0] if seen else None
+
+
+def _classes(engine: Engine, pixels: NDArray[np.uint8], facts: Facts) -> set[str]:
+    return {each.name for each in _objects(engine, pixels, facts)}
+
+
+def _objects(
+    engine: Engine, pixels: NDArray[np.uint8], facts: Facts, refine: Refine | None = None
+) -> Sequence[Detection]:
+    (output,) = engine.run(pixels[None])
+    about = (facts.letterbox(*pixels.shape[:2]), Criteria(), facts.names)
+    masks = refine is not None
+    return objects(output, *about, masks=masks, refine=refine, head=facts.head, task=facts.task)
+
+
+def _pixels(file: Path, facts: Facts) -> NDArray[np.uint8]:
+    """Return a picture in the model's input, height x width x RGB."""
+    try:
+        frame = frame_of(file.read_bytes())
+        letterbox = facts.letterbox(frame.height, frame.width)
+        pixels = np.empty((*letterbox.shape, 3), np.uint8)
+        letterbox.apply(to_bgr(frame), pixels)
+    except OSError as error:
+        raise ModelError(f"--int8: {file}: {error.strerror}") from error
+    except (StillError, ImageDecodeError) as error:
+        raise ModelError(f"--int8: {file}: {error}") from error
+    return pixels
+
+
+def _inputs(network: bytes) -> tuple[str, ...]:
+    session = onnxruntime.InferenceSession(network, alone(session_options(1)), providers=["CPUExecutionProvider"])
+    return tuple(each.name for each in session.get_inputs())

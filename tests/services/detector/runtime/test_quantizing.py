@@ -1,0 +1,107 @@
+"""INT8 networks are made of pictures and find what single precision finds; what they cannot be made of is refused."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from services.detector.model import ModelError
+from services.detector.runtime import quantizing
+from services.detector.runtime.exported_model import read_exported
+from services.detector.runtime.quantizing import CALIBRATING, LEAST_COMPARING, Quantizer
+from services.detector.settings import SHIPPED_EXPORT, SHIPPED_MODEL
+from tests.services.detector.support.views import NEAR_VIEWS, near_view
+
+ENOUGH = CALIBRATING + LEAST_COMPARING
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Pictures in which something is near, some of them mirrored, in folders of their own."""
+    folder = tmp_path_factory.mktemp("pictures")
+    views = [near_view(each) for each in NEAR_VIEWS]
+    views += [np.ascontiguousarray(each[:, ::-1]) for each in views]
+    files = [folder / f"robot-{n % 3}" / f"{n:03}.png" for n in range(ENOUGH)]
+    for n, file in enumerate(files):
+        file.parent.mkdir(exist_ok=True)
+        cv2.imwrite(str(file), views[n % len(views)])
+    return sorted(files)
+
+
+def quantizer(pictures: list[Path]) -> Quantizer:
+    return Quantizer(read_exported(str(SHIPPED_EXPORT)), 320, pictures, lambda *_: None)
+
+
+def test_an_export_has_int8_networks_that_find_the_same_classes(pictures: list[Path], tmp_path: Path) -> None:
+    made, folder = tmp_path / "made.onnx", pictures[0].parent.parent
+    command = [sys.executable, "-m", "fleetsight", "model", "export", str(SHIPPED_MODEL), "--image-size", "320"]
+    environment = {**os.environ, "HOME": str(tmp_path / "home"), "XDG_CONFIG_HOME": str(tmp_path / "home")}
+    done = subprocess.run(
+        [*command, "--int8", str(folder), "--output", str(made)],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert f"in INT8 {LEAST_COMPARING} of {LEAST_COMPARING} pictures get the same classes\n" in done.stdout
+    assert not (tmp_path / "home").exists()  # Ultralytics would keep its settings there
+    model = read_exported(str(made))
+    assert model.int8 is not None
+    assert model.refiner is not None
+    assert model.int8.refiner is not None
+    single = made.stat().st_size - len(model.int8.network) * 4 / 3
+    assert len(model.int8.network) < single
+
+
+def test_too_few_pictures_are_refused(pictures: list[Path]) -> None:
+    with pytest.raises(ModelError, match=f"{ENOUGH - 1} pictures in the folder; {ENOUGH} are needed at least"):
+        quantizer(pictures[1:])
+
+
+def test_pictures_of_all_over_the_folder_calibrate_and_others_are_compared(pictures: list[Path]) -> None:
+    made = quantizer(pictures)
+    assert len(made._calibrating) == CALIBRATING
+    assert {each.parent for each in made._calibrating} == {each.parent for each in pictures}
+    assert sorted([*made._calibrating, *made._comparing]) == pictures
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(quantizing, "CALIBRATING", 2)
+    monkeypatch.setattr(quantizing, "LEAST_COMPARING", 2)
+
+
+@pytest.mark.usefixtures("few")
+def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    files = [tmp_path / f"{n}.png" for n in range(4)]
+    files[0].write_bytes(b"no picture")
+    with pytest.raises(ModelError, match=r"--int8: \S*/0\.png: not an image in a supported format"):
+        quantizer(files)(SHIPPED_EXPORT.read_bytes(), None)
+
+
+@pytest.mark.usefixtures("few")
+def test_networks_that_find_other_classes_too_often_are_refused(
+    pictures: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = quantizer(pictures[:4])
+    answers = iter([{"box"}, {"box"}, {"box"}, set()])
+    monkeypatch.setattr(quantizing, "_classes", lambda *_: next(answers))
+    with pytest.raises(ModelError, match="of 2 pictures 1 get other classes in INT8, at most 1 in 100 may"):
+        made(SHIPPED_EXPORT.read_bytes(), None)
+    assert (made.equal, made.compared) == (1, 2)
+
+
+@pytest.mark.usefixtures("few")
+def test_a_refiner_is_not_calibrated_on_pictures_without_objects(tmp_path: Path) -> None:
+    files = [tmp_path / f"{n}.png" for n in range(4)]
+    for file in files:
+        cv2.imwrite(str(file), np.zeros((480, 640, 3), np.uint8))
+    model = read_exported(str(SHIPPED_EXPORT))
+    assert model.refiner is not None
+    with pytest.raises(ModelError, match="the model finds no objects in the pictures"):
+        quantizer(files)(SHIPPED_EXPORT.read_bytes(), model.refiner)
