@@ -29,7 +29,8 @@ DISTANCES: Final = {
     "guide_distance_metres": ("the guide's, 32FC1 depth", OTHERS),
 }
 SPEEDS: Final = {
-    "worker_fps": ("worker, quickest runtime", OURS),
+    "auto_fps": ("worker, quickest runtime", OURS),
+    "worker_fps": ("worker, without INT8", OURS),
     "bare_fps": ("bare model, the same", OTHERS),
     "torch_fps": ("worker, torch", OURS),
     "bare_torch_fps": ("bare model, torch", OTHERS),

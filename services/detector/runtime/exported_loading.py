@@ -37,7 +37,7 @@ def running_export(
     Raises:
         ModelError: no runtime works here, or not the requested one.
     """
-    on_processor = settings.runtime == "openvino" or model.file.suffix.lower() != ONNX_SUFFIX
+    on_processor = settings.runtime in ("openvino", INT8) or model.file.suffix.lower() != ONNX_SUFFIX
     gpu = _gpu("cpu" if on_processor and settings.device is None else settings.device)
     threads = settings.inference_threads
     candidates = _candidates(model, settings, gpu)

@@ -107,7 +107,8 @@ def _shared_out(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
         )
     chosen = _evenly(files, CALIBRATING + COMPARING)
     calibrating = _evenly(chosen, CALIBRATING)
-    return calibrating, [each for each in chosen if each not in set(calibrating)]
+    used = set(calibrating)
+    return calibrating, [each for each in chosen if each not in used]
 
 
 def _evenly(files: Sequence[Path], most: int) -> list[Path]:
