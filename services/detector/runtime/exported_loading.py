@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.detector.model import ModelError, first_line
-from services.detector.runtime.choosing import RuntimeTarget, choose
+from services.detector.runtime.choosing import INT8, RuntimeTarget, choose
 from services.detector.runtime.engine import Engine, RunningModel, Runtime
 from services.detector.runtime.exported_model import ExportedModel
 from services.detector.runtime.model_file import ONNX_SUFFIX
@@ -21,9 +21,6 @@ log = logging.getLogger(__name__)
 
 PACKAGES: Final[dict[Runtime, str]] = {"openvino": "openvino", "openvino-int8": "openvino", "onnx": "onnxruntime"}
 """The package that each runtime needs; of runtimes that are as fast `choose` takes the first."""
-
-INT8: Final = "openvino-int8"
-"""ONNX Runtime takes longer for INT8 networks than for those in single precision."""
 
 
 def running_export(
@@ -64,7 +61,7 @@ def _candidates(model: ExportedModel, settings: DetectorSettings, gpu: int | Non
     requested = settings.runtime
     if requested == INT8 and model.int8 is None:
         raise ModelError(
-            f"--runtime {INT8}: {model.path.name} contains no INT8 networks; fleetsight model export --int8 adds them"
+            f"--runtime {INT8}: {model.path.name} contains no INT8 networks: export its weights with --int8"
         )
     able: tuple[Runtime, ...] = tuple(PACKAGES)
     if model.file.suffix.lower() != ONNX_SUFFIX:
@@ -128,7 +125,7 @@ def _made(runtime: Runtime, model: ExportedModel, threads: int, gpu: int | None)
 def _refiner(
     model: ExportedModel, runtime: Runtime, engine: Engine, blank: NDArray[np.uint8], threads: int
 ) -> Refiner | None:
-    """Return the refiner, in INT8 beside such a network; None, with a warning, where it does not work.
+    """Return the refiner, in INT8 beside such a network if it works; None, with a warning, where none does.
 
     Masks then stay coarse. In single precision it runs under ONNX Runtime; OpenVINO would take as long.
     """
@@ -137,16 +134,20 @@ def _refiner(
     (output,) = engine.run(blank)
     prototypes = 0 if output.prototypes is None else len(output.prototypes)
     int8 = model.int8.refiner if runtime == INT8 and model.int8 else None
-    try:
-        refiner: Refiner
-        if int8 is not None:
+    if int8 is not None:
+        try:
             from services.detector.runtime.openvino_engine import OpenVinoRefiner  # noqa: PLC0415 - as above
 
-            refiner = OpenVinoRefiner(int8, threads)
+            in_int8 = OpenVinoRefiner(int8, threads)
+            in_int8.run(blank_close_ups(1, prototypes))
+        except Exception as error:  # noqa: BLE001 - the other one may work
+            log.warning("%s: masks are not refined in INT8: %s", model.path.name, first_line(error))
         else:
-            from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415 - as above
+            return in_int8
+    try:
+        from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner  # noqa: PLC0415 - as above
 
-            refiner = OnnxRefiner(model.refiner, threads)
+        refiner = OnnxRefiner(model.refiner, threads)
         refiner.run(blank_close_ups(1, prototypes))
     except Exception as error:  # noqa: BLE001 - what the model finds is no worse for it
         log.warning("%s leaves masks coarse: its refiner does not work: %s", model.path.name, first_line(error))

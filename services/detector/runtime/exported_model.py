@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import yaml
 
+from schemas.models import MAX_MODEL_BYTES
 from services.detector.model import ModelError, first_line
 from services.detector.runtime.model_file import (
     COLOURS,
@@ -223,9 +224,17 @@ def _content(told: Mapping[str, Any], entry: str, what: str, *, compressed: bool
     content = told.get(entry)
     try:
         part = base64.b64decode(content, validate=True) if content else None
-        return zlib.decompress(part) if part and compressed else part
+        return _decompressed(part) if part and compressed else part
     except (binascii.Error, ValueError, zlib.error) as error:
         raise _ExportError(f"its {what} is damaged: export it again") from error
+
+
+def _decompressed(part: bytes) -> bytes:
+    whole = zlib.decompressobj()
+    content = whole.decompress(part, MAX_MODEL_BYTES)
+    if not whole.eof:
+        raise zlib.error("cut off, or too large")
+    return content
 
 
 def _digest(file: Path) -> str:

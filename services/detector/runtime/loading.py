@@ -14,9 +14,10 @@ from schemas.printing import printable
 from schemas.tuning import Tuning
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
+from services.detector.runtime.choosing import INT8
 from services.detector.runtime.criteria import Criteria, listed, renamed
 from services.detector.runtime.engine import BATCH_ON_GPU, RunningModel
-from services.detector.runtime.exported_loading import INT8, running_export
+from services.detector.runtime.exported_loading import running_export
 from services.detector.runtime.exported_model import ExportedModel, read_exported
 from services.detector.runtime.model_file import ModelFile, is_exported
 from services.detector.runtime.offline import keep_offline, keep_torch_offline, set_environment

@@ -54,12 +54,13 @@ def portable(weights: "Weights", longest: int, quantize: Quantize | None = None)
         model = onnx.load(made)
     refiner = None if weights.refiner is None else onnx.load_from_string(onnx_of(weights.refiner))
     parts: dict[str, bytes] = {}
-    if refiner is not None:
-        parts[REFINER] = _halved(refiner.SerializeToString())
     if quantize is not None:
         int8 = quantize(model.SerializeToString(), None if refiner is None else refiner.SerializeToString())
         made8 = {INT8: int8.network, INT8_REFINER: int8.refiner}
-        parts |= {name: zlib.compress(_halved(each), 9) for name, each in made8.items() if each is not None}
+        parts |= {name: zlib.compress(each, 9) for name, each in made8.items() if each is not None}
+    if refiner is not None:
+        _halve(refiner)
+        parts[REFINER] = refiner.SerializeToString(deterministic=True)
     entries = {each.key: each.value for each in model.metadata_props if each.key not in UNSTEADY}
     entries |= {HEAD: weights.head, SOURCE: weights.digest} | ({AGNOSTIC: str(True)} if weights.agnostic else {})
     entries |= {name: base64.b64encode(each).decode("ascii") for name, each in parts.items()}
@@ -67,16 +68,6 @@ def portable(weights: "Weights", longest: int, quantize: Quantize | None = None)
     del model.graph.value_info[:]  # what runtimes work out by themselves
     del model.metadata_props[:]
     onnx.helper.set_model_props(model, dict(sorted(entries.items())))
-    content: bytes = model.SerializeToString(deterministic=True)
-    return content
-
-
-def _halved(network: bytes) -> bytes:
-    """Return an ONNX file's content with its large tensors in half precision."""
-    import onnx  # noqa: PLC0415 - it is here by now
-
-    model = onnx.load_from_string(network)
-    _halve(model)
     content: bytes = model.SerializeToString(deterministic=True)
     return content
 

@@ -3,12 +3,13 @@
 Weights are rounded to 8 bits per channel, inputs of convolutions to 8 bits over the mean of the extremes that pictures
 have there. Between convolutions numbers stay as they are: activations rounded before SiLU lose the small ones, and a
 fifth of the pictures got other classes. Convolutions that gain little and lose much stay in single precision: the first
-ones, those of single channels, and the branch of the head that tells classes.
+ones, grouped ones, and the branch of the head that tells classes.
 """
 
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,7 +28,8 @@ from services.detector.runtime.model_file import ModelFile
 from services.detector.runtime.onnx_engine import OnnxEngine, alone, session_options
 from services.detector.runtime.pipeline import Facts
 from services.detector.runtime.postprocess import Refine, objects
-from services.detector.runtime.refinement.refiner import AT_ONCE, CloseUps, close_ups
+from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner
+from services.detector.runtime.refinement.refiner import AT_ONCE, CloseUps, Refiner, close_ups
 from services.detector.stills import StillError, frame_of
 
 CALIBRATING: Final = 64
@@ -37,6 +39,8 @@ COMPARING: Final = 300
 LEAST_COMPARING: Final = 100
 LEAST_EQUAL: Final = 0.99
 """Share of these in which both must find the same classes."""
+LEAST_IOU: Final = 0.95
+"""Of masks that both refiners make of the same objects, on average; of the shipped model it is 0.99."""
 
 FIRST: Final = 8
 FIRST_OF_REFINER: Final = 1
@@ -62,6 +66,7 @@ class Quantizer:
 
     def __init__(self, model: ModelFile, longest: int, pictures: Sequence[Path], progress: Progress) -> None:
         self._facts = Facts(model.path.name, "onnx", model.names, model.task, longest, model.stride, model.head)
+        self._criteria = Criteria(agnostic=model.agnostic)
         self._calibrating, self._comparing = _shared_out(pictures)
         self._progress = progress
         self.compared = len(self._comparing)
@@ -71,23 +76,28 @@ class Quantizer:
         """Return INT8 networks; both are given as the content of ONNX files.
 
         Raises:
-            ModelError: a picture cannot be read, or the networks find other classes too often.
+            ModelError: a picture cannot be read, or the networks find other classes too often, or other masks.
         """
         facts, progress = self._facts, self._progress
         single = OnnxEngine(network, THREADS, gpu=None)
         made = _int8(network, _images(network, self._calibrating, facts, progress), FIRST)
-        int8 = OnnxEngine(made, THREADS, gpu=None)
-        self._compare(single, int8)
+        self._compare(single, _engine(made))
         if refiner is None:
             return Int8Networks(made, None)
-        seen = _close_ups(refiner, single, self._calibrating, facts)
-        return Int8Networks(made, _int8(refiner, seen, FIRST_OF_REFINER))
+        seen = [each for file in self._calibrating if (each := self._seen(single, file)) is not None]
+        if not seen:
+            raise ModelError(
+                "--int8: the model finds no objects in the pictures; give pictures like those of the cameras"
+            )
+        refines = _int8(refiner, _close_ups(refiner, seen), FIRST_OF_REFINER)
+        _compare_masks(OnnxRefiner(refiner, THREADS), _refiner(refines), seen)
+        return Int8Networks(made, refines)
 
     def _compare(self, single: Engine, int8: Engine) -> None:
         self.equal = 0
         for done, file in enumerate(self._comparing, 1):
             pixels = _pixels(file, self._facts)
-            self.equal += _classes(single, pixels, self._facts) == _classes(int8, pixels, self._facts)
+            self.equal += self._classes(single, pixels) == self._classes(int8, pixels)
             self._progress("compare", done, self.compared)
         if self.equal < LEAST_EQUAL * self.compared:
             raise ModelError(
@@ -95,6 +105,58 @@ class Quantizer:
                 f" {round((1 - LEAST_EQUAL) * 100)} in 100 may: give pictures more like those of the cameras, or export"
                 " without --int8"
             )
+
+    def _classes(self, engine: Engine, pixels: NDArray[np.uint8]) -> set[str]:
+        return {each.name for each in self._objects(engine, pixels)}
+
+    def _seen(self, engine: Engine, file: Path) -> CloseUps | None:
+        """Return close-ups of the objects in a picture; None without objects."""
+        pixels = _pixels(file, self._facts)
+        seen: list[CloseUps] = []
+
+        def note(found: Candidates, prototypes: NDArray[np.float32]) -> None:
+            seen.append(close_ups(pixels, found[:AT_ONCE], prototypes))
+
+        self._objects(engine, pixels, refine=note)
+        return seen[0] if seen else None
+
+    def _objects(self, engine: Engine, pixels: NDArray[np.uint8], refine: Refine | None = None) -> Sequence[Detection]:
+        (output,) = engine.run(pixels[None])
+        facts, masks = self._facts, refine is not None
+        about = (facts.letterbox(*pixels.shape[:2]), self._criteria, facts.names)
+        return objects(output, *about, masks=masks, refine=refine, head=facts.head, task=facts.task)
+
+
+def _engine(network: bytes) -> Engine:
+    """Return an INT8 network under OpenVINO, as detectors run it, or under ONNX Runtime where that is not installed."""
+    if find_spec("openvino") is None:
+        return OnnxEngine(network, THREADS, gpu=None)
+    from services.detector.runtime.openvino_engine import OpenVinoEngine  # noqa: PLC0415 - it may not be there
+
+    return OpenVinoEngine(network, THREADS)
+
+
+def _refiner(network: bytes) -> Refiner:
+    """See `_engine`."""
+    if find_spec("openvino") is None:
+        return OnnxRefiner(network, THREADS)
+    from services.detector.runtime.openvino_engine import OpenVinoRefiner  # noqa: PLC0415 - as above
+
+    return OpenVinoRefiner(network, THREADS)
+
+
+def _compare_masks(single: Refiner, int8: Refiner, seen: Iterable[CloseUps]) -> None:
+    """Raise ModelError if two refiners' masks overlap too little."""
+    ious: list[float] = []
+    for each in seen:
+        ours, theirs = single.run(each).odds > 0, int8.run(each).odds > 0
+        either = (ours | theirs).sum((1, 2))
+        ious += np.where(either > 0, (ours & theirs).sum((1, 2)) / np.maximum(either, 1), 1).tolist()
+    if (mean := float(np.mean(ious))) < LEAST_IOU:
+        raise ModelError(
+            f"--int8: masks that are refined in INT8 have an IoU of {mean:.2f} with the others, not {LEAST_IOU}: give"
+            " more pictures like those of the cameras, or export without --int8"
+        )
 
 
 def _shared_out(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
@@ -174,44 +236,10 @@ def _images(network: bytes, files: Sequence[Path], facts: Facts, progress: Progr
         yield {name: np.ascontiguousarray(pixels.transpose(2, 0, 1)[None], np.float32) / np.float32(255)}
 
 
-def _close_ups(refiner: bytes, engine: Engine, files: Sequence[Path], facts: Facts) -> Iterator[Feed]:
-    """Yield what the refiner would be given for each picture with objects."""
+def _close_ups(refiner: bytes, seen: Iterable[CloseUps]) -> Iterator[Feed]:
     names = _inputs(refiner)
-    found = 0
-    for file in files:
-        pixels = _pixels(file, facts)
-        seen = _seen(engine, pixels, facts)
-        if seen is None:
-            continue
-        found += 1
-        given = (seen.pixels, seen.features, seen.labels, seen.scores)
-        yield dict(zip(names, (each[:AT_ONCE] for each in given), strict=True))
-    if not found:
-        raise ModelError("--int8: the model finds no objects in the pictures; give pictures like those of the cameras")
-
-
-def _seen(engine: Engine, pixels: NDArray[np.uint8], facts: Facts) -> CloseUps | None:
-    """Return close-ups of the objects in a picture; None without objects."""
-    seen: list[CloseUps] = []
-
-    def note(found: Candidates, prototypes: NDArray[np.float32]) -> None:
-        seen.append(close_ups(pixels, found, prototypes))
-
-    _objects(engine, pixels, facts, refine=note)
-    return seen[0] if seen else None
-
-
-def _classes(engine: Engine, pixels: NDArray[np.uint8], facts: Facts) -> set[str]:
-    return {each.name for each in _objects(engine, pixels, facts)}
-
-
-def _objects(
-    engine: Engine, pixels: NDArray[np.uint8], facts: Facts, refine: Refine | None = None
-) -> Sequence[Detection]:
-    (output,) = engine.run(pixels[None])
-    about = (facts.letterbox(*pixels.shape[:2]), Criteria(), facts.names)
-    masks = refine is not None
-    return objects(output, *about, masks=masks, refine=refine, head=facts.head, task=facts.task)
+    for each in seen:
+        yield dict(zip(names, (each.pixels, each.features, each.labels, each.scores), strict=True))
 
 
 def _pixels(file: Path, facts: Facts) -> NDArray[np.uint8]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from services.detector.runtime.model_file import ModelFile
 
 FAILED: Final = 1
-EXPORTERS: Final = (*WEIGHTS_NEED, "onnx", "onnxruntime")
+EXPORTERS: Final = (*WEIGHTS_NEED, "onnx")
 """Packages that an export needs."""
 
 MIN_PREFIX: Final = 4
@@ -143,7 +143,7 @@ async def _export(settings: ModelSettings) -> None:
 
 def _exported(settings: ModelSettings) -> tuple[bytes, str]:
     """Return the file's content, and what is to be said of it."""
-    if missing := not_installed(EXPORTERS):
+    if missing := not_installed([*EXPORTERS, *(["onnxruntime"] if settings.int8 else [])]):
         raise _ModelCommandError(
             f"export: {missing[0]} is not installed; it comes with pip install -c constraints.txt '.[onnx]'"
         )

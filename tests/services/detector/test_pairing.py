@@ -75,6 +75,9 @@ async def test_the_second_model_is_asked_only_where_masks_are_wanted() -> None:
     assert without.objects[0].mask is None
     assert (len(boxes.seen), len(masks.seen)) == (2, 1)
     assert (model.segments, model.remarks, model.name) == (True, ("slow",), "fake+fake")
+    assert model.runtime == "fake"
+    boxes.runtime = "torch"
+    assert model.runtime == "torch+fake"
 
 
 def test_settings_hold_for_both_or_for_none() -> None:

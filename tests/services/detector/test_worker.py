@@ -285,7 +285,8 @@ async def test_the_worker_is_present_and_says_goodbye(rig: Rig) -> None:
 
 async def test_it_says_its_version(rig: Rig) -> None:
     async with rig.bus.subscribe(worker_keys.worker_status("detector", "w1"), QUEUE(9)) as statuses:
-        assert (await receive(statuses, WorkerStatus)).version == VERSION
+        status = await receive(statuses, WorkerStatus)
+        assert (status.version, status.runtime) == (VERSION, "fake")
 
 
 async def test_it_says_where_a_cameras_frames_go_while_it_wants_them(rig: Rig) -> None:

@@ -155,7 +155,7 @@ class LoadAnswer(Part):
 
 
 class WorkerAnswer(Part):
-    """A worker. version: of its software, empty if unknown."""
+    """A worker. version: of its software; runtime: of its model, such as openvino-int8; empty if unknown."""
 
     service: str
     worker: str
@@ -165,6 +165,7 @@ class WorkerAnswer(Part):
     cameras: tuple[LoadAnswer, ...]
     remarks: tuple[str, ...]
     version: str
+    runtime: str
 
 
 class StreamAnswer(Part):

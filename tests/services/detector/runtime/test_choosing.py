@@ -210,3 +210,19 @@ def test_what_was_measured_on_a_busy_machine_is_not_kept_for_a_week(
     again = engines(machine, openvino=(0.08,), onnx=(0.3,))
     assert chosen(tmp_path, again, machine) == "openvino"
     assert sum(each.calls > 0 for each in again.values()) == (measured if measured > 1 else 0)
+
+
+@pytest.mark.parametrize(("int8_s", "chosen"), [(0.0095, "openvino"), (0.0088, "openvino-int8"), (0.02, "openvino")])
+def test_int8_is_taken_where_it_saves_a_tenth_of_the_time(int8_s: float, chosen: Runtime, tmp_path: Path) -> None:
+    times: dict[Runtime, float] = {"openvino": 0.01, "openvino-int8": int8_s, "onnx": 0.0101}
+    here = replace(place(tmp_path), candidates=tuple(times))
+    assert choose(lambda runtime: Slow(MACHINE, times[runtime]), here, BLANK, MACHINE.clock)[0] == chosen
+
+
+def test_a_choice_is_not_that_of_other_candidates(tmp_path: Path) -> None:
+    times: dict[Runtime, float] = {"openvino": 0.01, "openvino-int8": 0.005}
+    both: tuple[tuple[Runtime, ...], ...] = (("openvino-int8", "openvino"), ("openvino", "onnx"))
+    for candidates in both:
+        here, chosen = replace(place(tmp_path), candidates=candidates), candidates[0]
+        assert choose(lambda each: Slow(MACHINE, times.get(each, 0.02)), here, BLANK, MACHINE.clock)[0] == chosen
+    assert len(list(tmp_path.glob("choice-*"))) == 2

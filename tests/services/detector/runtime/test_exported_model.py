@@ -4,6 +4,7 @@ import base64
 import os
 import subprocess
 import sys
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -92,13 +93,15 @@ def test_int8_networks_are_no_choice_where_they_are_not_wanted_or_not_there(tmp_
     assert _candidates(without, DetectorSettings(), None) == ("openvino", "onnx")
     assert _candidates(shipped, DetectorSettings(int8=False, runtime="openvino-int8"), None) == ("openvino-int8",)
     assert _candidates(shipped, DetectorSettings(), 0) == ("onnx",)
-    with pytest.raises(ModelError, match=r"changed\.onnx contains no INT8 networks; fleetsight model export --int8"):
+    with pytest.raises(ModelError, match=r"changed\.onnx contains no INT8 networks: export its weights with --int8"):
         _candidates(without, DetectorSettings(runtime="openvino-int8"), None)
 
 
 def test_the_shipped_export_is_that_of_the_shipped_weights() -> None:
     exported = read_exported(str(SHIPPED_EXPORT))
     assert metadata(SHIPPED_EXPORT)[SOURCE] == digest_of(SHIPPED_MODEL)
+    assert exported.int8 is not None
+    assert exported.int8.refiner is not None
     assert (exported.longest, exported.fixed, exported.many, exported.task) == (640, None, True, Task("segment"))
     assert dict(exported.names) == {0: "box", 1: "pallet", 2: "forklift"}
 
@@ -106,14 +109,9 @@ def test_the_shipped_export_is_that_of_the_shipped_weights() -> None:
 def test_auto_chooses_among_what_is_installed(
     view: NDArray[np.uint8], expected: list[Detection], tmp_path: Path
 ) -> None:
-    found = found_by(SHIPPED_EXPORT, view, tmp_path)
-    assert {each.name for each in found} == {each.name for each in expected}
+    assert difference(found_by(SHIPPED_EXPORT, view, tmp_path, int8=False), expected, 0.25) is None
     (choice,) = (tmp_path / "of exports").glob("choice-*")
-    assert choice.read_text().splitlines()[0] in (
-        "onnx",
-        "openvino",
-        "openvino-int8",
-    )  # the next line says if the machine was busy
+    assert choice.read_text().splitlines()[0] in ("onnx", "openvino")  # the next line says if the machine was busy
 
 
 def test_masks_stay_coarse_where_they_are_not_to_be_refined(view: NDArray[np.uint8], model_folder: Path) -> None:
@@ -218,6 +216,8 @@ def changed(folder: Path, **entries: str | None) -> Path:
         ({"stride": "1000000"}, "its stride is 1000000 pixels, not 1 to 256"),
         ({REFINER: "no base64"}, "its refiner is damaged: export it again"),
         ({INT8: "no base64"}, "its INT8 network is damaged: export it again"),
+        ({INT8: "bm8gemxpYg=="}, "its INT8 network is damaged: export it again"),
+        ({INT8: base64.b64encode(zlib.compress(b"cut off")[:-3]).decode()}, "its INT8 network is damaged"),
         ({INT8_REFINER: "no base64"}, "its INT8 refiner is damaged: export it again"),
     ],
 )
@@ -282,6 +282,16 @@ def test_a_refiner_that_does_not_work_leaves_masks_coarse(
     found = found_by(file, view, tmp_path, runtime="onnx")
     assert all(each.mask is not None and each.mask.quality is None for each in found)
     assert "changed.onnx leaves masks coarse: its refiner does not work" in caplog.text
+
+
+def test_where_the_refiner_does_not_work_in_int8_it_does_in_single_precision(
+    view: NDArray[np.uint8], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = changed(tmp_path, **{INT8_REFINER: base64.b64encode(zlib.compress(b"no network")).decode()})
+    found = found_by(file, view, tmp_path, runtime="openvino-int8")
+    assert found
+    assert all(each.mask is not None and each.mask.quality is not None for each in found)
+    assert "changed.onnx: masks are not refined in INT8: " in caplog.text
 
 
 @pytest.mark.parametrize(

@@ -7,13 +7,16 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import onnx
 import pytest
 
 from services.detector.model import ModelError
 from services.detector.runtime import quantizing
 from services.detector.runtime.exported_model import read_exported
-from services.detector.runtime.quantizing import CALIBRATING, LEAST_COMPARING, Quantizer
-from services.detector.settings import SHIPPED_EXPORT, SHIPPED_MODEL
+from services.detector.runtime.loading import load
+from services.detector.runtime.quantizing import CALIBRATING, LEAST_COMPARING, Quantizer, _compare_masks
+from services.detector.runtime.refinement.refiner import SIDE, CloseUps, Refined, blank_close_ups
+from services.detector.settings import SHIPPED_EXPORT, SHIPPED_MODEL, DetectorSettings
 from tests.services.detector.support.views import NEAR_VIEWS, near_view
 
 ENOUGH = CALIBRATING + LEAST_COMPARING
@@ -54,8 +57,12 @@ def test_an_export_has_int8_networks_that_find_the_same_classes(pictures: list[P
     assert model.int8 is not None
     assert model.refiner is not None
     assert model.int8.refiner is not None
-    single = made.stat().st_size - len(model.int8.network) * 4 / 3
-    assert len(model.int8.network) < single
+    for network in (model.int8.network, model.int8.refiner):
+        graph = onnx.load_from_string(network).graph
+        convolutions = [each for each in graph.node if each.op_type == "Conv"]
+        rounded = {each.output[0] for each in graph.node if each.op_type == "DequantizeLinear"}
+        assert sum(each.input[0] in rounded and each.input[1] in rounded for each in convolutions) > 10
+    assert load(DetectorSettings(model=str(made), runtime="openvino-int8"), tmp_path).runtime == "openvino-int8"
 
 
 def test_too_few_pictures_are_refused(pictures: list[Path]) -> None:
@@ -90,10 +97,30 @@ def test_networks_that_find_other_classes_too_often_are_refused(
 ) -> None:
     made = quantizer(pictures[:4])
     answers = iter([{"box"}, {"box"}, {"box"}, set()])
-    monkeypatch.setattr(quantizing, "_classes", lambda *_: next(answers))
+    monkeypatch.setattr(made, "_classes", lambda *_: next(answers))
     with pytest.raises(ModelError, match="of 2 pictures 1 get other classes in INT8, at most 1 in 100 may"):
         made(SHIPPED_EXPORT.read_bytes(), None)
     assert (made.equal, made.compared) == (1, 2)
+
+
+class Refines:
+    """Makes the same mask of every object: its left columns."""
+
+    def __init__(self, columns: int) -> None:
+        self._odds = np.where(np.arange(SIDE) < columns, 1, -1) * np.ones((SIDE, 1), np.float32)
+
+    def run(self, seen: CloseUps) -> Refined:
+        """See `Refiner.run`."""
+        count = len(seen.labels)
+        return Refined(np.tile(self._odds, (count, 1, 1)), np.ones(count, np.float32))
+
+
+def test_masks_that_overlap_too_little_are_refused() -> None:
+    seen = [blank_close_ups(3, 4)]
+    _compare_masks(Refines(40), Refines(39), seen)
+    _compare_masks(Refines(0), Refines(0), seen)
+    with pytest.raises(ModelError, match=r"in INT8 have an IoU of 0\.75 with the others, not 0\.95"):
+        _compare_masks(Refines(40), Refines(30), seen)
 
 
 @pytest.mark.usefixtures("few")

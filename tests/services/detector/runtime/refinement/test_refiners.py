@@ -5,6 +5,7 @@ import onnx
 import pytest
 import torch
 
+from services.detector.runtime.openvino_engine import OpenVinoRefiner
 from services.detector.runtime.refinement.network import onnx_of
 from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner
 from services.detector.runtime.refinement.refiner import AT_ONCE, SIDE, CloseUps, Refiner
@@ -14,6 +15,7 @@ from tests.services.detector.runtime.refinement.looks import looks, network
 MAKERS: dict[str, Callable[[], Refiner]] = {
     "torch": lambda: TorchRefiner(network(), torch.device("cpu")),
     "onnx": lambda: OnnxRefiner(onnx_of(network()), 1),
+    "openvino": lambda: OpenVinoRefiner(onnx_of(network()), 1),
     "onnx, of release 0.2": lambda: OnnxRefiner(taking_half_precision(onnx_of(network())), 1),
 }
 

@@ -43,6 +43,7 @@ def fill(fleet: Fleet) -> None:
         cameras=[load],
         remarks=[ODD],
         version="0.9",
+        runtime="openvino-int8",
         busy_s=1.5,
     )
     fleet.worker_status(worker, now_ns)

@@ -48,6 +48,7 @@ async def test_the_fleet_as_it_is(web: Web) -> None:
         assert (gateway["streams"][0]["topic"], gateway["withdrawn"], gateway["version"]) == (ODD, {"w": 1}, ODD)
         (worker,) = (await program.get("/api/v1/workers?service=detector")).json()["items"]
         assert (worker["model"], worker["online"], worker["version"]) == (ODD, True, "0.9")
+        assert worker["runtime"] == "openvino-int8"
         assert worker["cameras"][0]["dropped"] == {"late": 2}
 
 

@@ -63,7 +63,10 @@ def test_no_count_is_higher_than_a_page_can_take() -> None:
 
 
 def test_versions_are_shown_where_they_are_known() -> None:
-    assert worker_row(worker(), 0.0, NOW)["version"] == "0.8"
+    of = worker()
+    assert worker_row(of, 0.0, NOW)["version"] == "0.8"
+    told = replace(of, status=msgspec.structs.replace(of.status, runtime="openvino-int8"))
+    assert worker_row(told, 0.0, NOW)["runtime"] == "openvino-int8"
     known = robot()
     assert gateway_row(shown(known), NOW)["version"] == "0.9"
     assert gateway_row(shown(replace(known, gateway=None)), NOW)["version"] == ""
