@@ -3,7 +3,6 @@
 import logging
 from collections.abc import Callable
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
@@ -22,12 +21,12 @@ from services.detector.runtime.refinement.refiner import Refiner, blank_close_up
 from services.detector.runtime.refinement.torch_refiner import TorchRefiner
 from services.detector.runtime.torch_engine import TorchEngine
 from services.detector.runtime.weights import Weights, device_of, keep_branch
-from services.detector.settings import DetectorSettings
+from services.detector.settings import DetectorSettings, not_installed
 
 log = logging.getLogger(__name__)
 
-ONNX: Final = ("onnx", "openvino")
-"""Runtimes beside which masks are refined under ONNX Runtime: it takes less time than torch."""
+ONNX: Final = ("onnx", "onnxruntime")
+"""Packages with which masks are refined under ONNX Runtime on a processor: it takes less time than torch."""
 
 
 def running_weights(
@@ -52,7 +51,7 @@ def running_weights(
     runtime, engine, reference = _engines(settings, weights, device, place, blank)
     refiner = None
     if refine and weights.refiner is not None:
-        refiner = _refiner(weights.refiner, runtime, device, settings.inference_threads)
+        refiner = _refiner(weights.refiner, device, settings.inference_threads)
     return RunningModel(runtime, engine, None if runtime == "torch" else reference, refiner, many=device.type == "cuda")
 
 
@@ -97,13 +96,13 @@ def _engines(
     return settings.runtime, make(settings.runtime), reference
 
 
-def _refiner(network: RefinerNetwork, runtime: Runtime, device: torch.device, threads: int) -> Refiner:
-    """Return the refiner under ONNX Runtime where that helps and works, else under torch. Run once: see `load`.
+def _refiner(network: RefinerNetwork, device: torch.device, threads: int) -> Refiner:
+    """Return the refiner under ONNX Runtime on a processor where that works, else under torch. Run once: see `load`.
 
     Under OpenVINO it takes as long.
     """
     seen = blank_close_ups(1, network.prototypes)
-    if device.type == "cpu" and runtime in ONNX and find_spec("onnxruntime") is not None:
+    if device.type == "cpu" and not not_installed(ONNX):
         try:
             refiner = _onnx_refiner(network, threads)
             refiner.run(seen)

@@ -33,16 +33,23 @@ def test_the_shipped_masks_are_refined_and_those_of_weights_without_a_refiner_ar
         assert iou(one.mask, other.mask) > 0.3
 
 
-@pytest.mark.parametrize(
-    ("runtime", "said"),
-    [("torch", []), ("onnx", ["masks are refined under onnx"]), ("openvino", ["masks are refined under onnx"])],
-)
-def test_masks_are_refined_under_torch_where_the_model_runs_under_it_else_under_onnx(
-    model_folder: Path, runtime: str, said: list[str], caplog: pytest.LogCaptureFixture
+def test_masks_are_refined_under_torch_where_onnx_is_not_installed(
+    model_folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    monkeypatch.setattr("services.detector.runtime.torch_loading.not_installed", lambda _: ["onnx"])
+    model = load(settings(model_folder, runtime="torch"), model_folder / "ultralytics")
+    assert [line for line in caplog.messages if "masks" in line] == []
+    assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
+
+
+@pytest.mark.parametrize("runtime", ["torch", "onnx", "openvino"])
+def test_masks_are_refined_under_onnx_on_a_processor_whatever_the_model_runs_under(
+    model_folder: Path, runtime: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.INFO)
     model = load(settings(model_folder, runtime=runtime), model_folder / "ultralytics")
-    assert [line for line in caplog.messages if "masks" in line] == said
+    assert [line for line in caplog.messages if "masks" in line] == ["masks are refined under onnx"]
     assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
     rounds = runtime == "openvino" and computes_in_bfloat16()
     assert [each for each in model.remarks if not (rounds and "differs from torch" in each)] == []
