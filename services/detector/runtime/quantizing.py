@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import onnxruntime
 from numpy.typing import NDArray
 
 from schemas.detections import Detection
@@ -25,7 +24,7 @@ from services.detector.runtime.criteria import Criteria
 from services.detector.runtime.engine import Engine
 from services.detector.runtime.exported_model import Int8Networks
 from services.detector.runtime.model_file import ModelFile
-from services.detector.runtime.onnx_engine import OnnxEngine, alone, session_options
+from services.detector.runtime.onnx_engine import OnnxEngine
 from services.detector.runtime.pipeline import Facts
 from services.detector.runtime.postprocess import Refine, objects
 from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner
@@ -52,7 +51,8 @@ CLASSES: Final = re.compile(r"/(one2one_)?cv3\.\d")
 THREADS: Final = 0
 """As many as there are cores."""
 
-Feed = Mapping[str, NDArray[Any]]
+Feed = Sequence[NDArray[Any]]
+"""The inputs of a network, in their order."""
 Progress = Callable[[str, int, int], None]
 """Told a step's name, how many pictures are done, and how many there are."""
 
@@ -80,7 +80,7 @@ class Quantizer:
         """
         facts, progress = self._facts, self._progress
         single = OnnxEngine(network, THREADS, gpu=None)
-        made = _int8(network, _images(network, self._calibrating, facts, progress), FIRST)
+        made = _int8(network, _images(self._calibrating, facts, progress), FIRST)
         self._compare(single, _engine(made))
         if refiner is None:
             return Int8Networks(made, None)
@@ -89,7 +89,8 @@ class Quantizer:
             raise ModelError(
                 "--int8: the model finds no objects in the pictures; give pictures like those of the cameras"
             )
-        refines = _int8(refiner, _close_ups(refiner, seen), FIRST_OF_REFINER)
+        feeds = ((each.pixels, each.features, each.labels, each.scores) for each in seen)
+        refines = _int8(refiner, feeds, FIRST_OF_REFINER)
         _compare_masks(OnnxRefiner(refiner, THREADS), _refiner(refines), seen)
         return Int8Networks(made, refines)
 
@@ -192,7 +193,7 @@ def _int8(network: bytes, feeds: Iterable[Feed], first: int) -> bytes:
             quantization.quantize_static(
                 model,
                 file,
-                _reader(iter(feeds)),
+                _reader([each.name for each in model.graph.input], iter(feeds)),
                 quant_format=quantization.QuantFormat.QDQ,
                 op_types_to_quantize=["Conv"],
                 nodes_to_exclude=kept,
@@ -218,28 +219,22 @@ def _is_sensitive(convolution: Any) -> bool:
     return groups > 1 or CLASSES.search(convolution.name) is not None
 
 
-def _reader(feeds: Iterator[Feed]) -> Any:
+def _reader(names: Sequence[str], feeds: Iterator[Feed]) -> Any:
     from onnxruntime.quantization import CalibrationDataReader  # noqa: PLC0415 - as above
 
     class Reader(CalibrationDataReader):  # type: ignore[misc]  # it is untyped
-        def get_next(self) -> Feed | None:
-            return next(feeds, None)
+        def get_next(self) -> Mapping[str, NDArray[Any]] | None:
+            given = next(feeds, None)
+            return None if given is None else dict(zip(names, given, strict=True))
 
     return Reader()
 
 
-def _images(network: bytes, files: Sequence[Path], facts: Facts, progress: Progress) -> Iterator[Feed]:
-    (name,) = _inputs(network)
+def _images(files: Sequence[Path], facts: Facts, progress: Progress) -> Iterator[Feed]:
     for done, file in enumerate(files, 1):
         progress("calibrate", done, len(files))
         pixels = _pixels(file, facts)
-        yield {name: np.ascontiguousarray(pixels.transpose(2, 0, 1)[None], np.float32) / np.float32(255)}
-
-
-def _close_ups(refiner: bytes, seen: Iterable[CloseUps]) -> Iterator[Feed]:
-    names = _inputs(refiner)
-    for each in seen:
-        yield dict(zip(names, (each.pixels, each.features, each.labels, each.scores), strict=True))
+        yield (np.ascontiguousarray(pixels.transpose(2, 0, 1)[None], np.float32) / np.float32(255),)
 
 
 def _pixels(file: Path, facts: Facts) -> NDArray[np.uint8]:
@@ -254,8 +249,3 @@ def _pixels(file: Path, facts: Facts) -> NDArray[np.uint8]:
     except (StillError, ImageDecodeError) as error:
         raise ModelError(f"--int8: {file}: {error}") from error
     return pixels
-
-
-def _inputs(network: bytes) -> tuple[str, ...]:
-    session = onnxruntime.InferenceSession(network, alone(session_options(1)), providers=["CPUExecutionProvider"])
-    return tuple(each.name for each in session.get_inputs())
