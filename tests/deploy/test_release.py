@@ -1,7 +1,11 @@
 """What a release says of itself: its notes, its images, and the packages in them."""
 
 import json
+import os
+import signal
 import subprocess
+import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -17,7 +21,7 @@ from deploy import release
 from deploy.image_bill import bill_of_materials, find_image, python_packages
 from deploy.release import RECORDS, check_pins, check_release, check_wheels, images, needed, notes
 from tests.deploy.support.machine import checked, require_containers
-from tests.deploy.support.podman import Podman
+from tests.deploy.support.podman import PREFIX, Podman, remove_abandoned
 
 CHANGELOG = """# Changelog
 
@@ -161,6 +165,37 @@ def test_an_image_that_was_built_here_of_this_commit_is_measured(podman: Podman,
         found.debian_packages()
     assert find_image(name, "0.2.0", "abd") is None
     assert find_image(name, "0.1.0", "abc") is None
+
+
+ABANDONING = """
+from tests.deploy.support.podman import Podman
+podman = Podman()
+podman.run("network", "create", "abandoned")
+podman.run("pod", "create", "--name=left", "--network=abandoned")
+podman.run("pod", "start", "left")
+print(podman.environment["CONTAINERS_CONF"], flush=True)
+input()
+"""
+
+
+@pytest.mark.timeout(120)
+def test_what_killed_tests_left_of_podman_is_taken_away_and_what_is_in_use_is_not(podman: Podman) -> None:
+    """Else the name server of their networks, which has one folder on a machine, listens where no container asks."""
+    require_containers()
+    used = Path(podman.environment["CONTAINERS_CONF"]).parent
+    with subprocess.Popen([sys.executable, "-c", ABANDONING], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        assert child.stdout is not None
+        left = Path(child.stdout.readline().decode().strip()).parent
+        names = Path("/run/containers/networks/aardvark-dns/abandoned")
+        assert left.parent == Path(tempfile.gettempdir())
+        assert left.name.startswith(PREFIX)
+        remove_abandoned()
+        assert " left," in names.read_text(encoding="utf-8")
+        os.kill(child.pid, signal.SIGKILL)
+    remove_abandoned()
+    assert not left.exists()
+    assert not names.exists()
+    assert used.exists()
 
 
 MADE = datetime(2026, 12, 1, tzinfo=UTC)

@@ -1,5 +1,6 @@
 """Podman with a store of its own, and images made by the Containerfile without network."""
 
+import fcntl
 import os
 import shlex
 import shutil
@@ -8,7 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -37,6 +38,10 @@ tmp_dir = "{folder}/libpod"
 Runs where there is no systemd, with hybrid cgroups, and where limits cannot be raised. Only netavark has names.
 """
 
+PREFIX: Final = "podman-"
+OWNER: Final = "owner"
+"""A file in a podman's folder, locked by the process that uses it; the lock ends with the process, however it ends."""
+
 DEADLINE_S: Final = 900
 PATIENCE_S: Final = 60
 TRIES = 5
@@ -61,20 +66,23 @@ def podman_with_debian(factory: pytest.TempPathFactory, deadline_s: float = DEAD
 class Podman:
     """Runs podman and podman-compose, with a store in a folder that it makes.
 
+    Tests that were killed leave bridges and names, which all podmans of a machine share: it takes them away first.
+
     environment: has any podman use that store.
     """
 
     def __init__(self, deadline_s: float = DEADLINE_S) -> None:
         self._deadline_s = deadline_s
+        remove_abandoned()
         # Of a long name, as pytest's folders have, conmon cannot make its sockets: each container takes 20 s more.
-        self._folder = folder = Path(tempfile.mkdtemp(prefix="podman-"))
+        self._folder = folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+        self._owner = (folder / "locking").open("w", encoding="utf-8")
+        fcntl.flock(self._owner, fcntl.LOCK_EX)
+        (folder / "locking").rename(folder / OWNER)
         (folder / "containers.conf").write_text(CONFIGURATION.format(folder=folder), encoding="utf-8")
         storage = f'[storage]\ndriver = "overlay"\ngraphroot = "{folder}/store"\nrunroot = "{folder}/run"\n'
         (folder / "storage.conf").write_text(storage, encoding="utf-8")
-        self.environment = {
-            "CONTAINERS_CONF": str(folder / "containers.conf"),
-            "CONTAINERS_STORAGE_CONF": str(folder / "storage.conf"),
-        }
+        self.environment = _environment(folder)
 
     @property
     def _inherited(self) -> dict[str, str]:
@@ -191,12 +199,30 @@ class Podman:
 
     def close(self) -> None:
         """Remove everything."""
-        reset = ["podman", "system", "reset", "--force"]
-        subprocess.run(reset, capture_output=True, check=False, env=self._inherited)
-        overlay = self._folder / "store" / "overlay"
-        if overlay.is_mount():
-            checked("umount", overlay)
-        shutil.rmtree(self._folder, ignore_errors=True)
+        _remove(self._folder)
+        self._owner.close()
+
+
+def remove_abandoned() -> None:
+    """Remove what the podmans of processes that ended without closing them left: containers, networks and files."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
+        with suppress(FileNotFoundError, BlockingIOError), (folder / OWNER).open(encoding="utf-8") as owner:
+            fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            _remove(folder)
+
+
+def _remove(folder: Path) -> None:
+    reset = ["podman", "system", "reset", "--force"]
+    subprocess.run(reset, capture_output=True, check=False, env={**os.environ, **_environment(folder)})
+    overlay = folder / "store" / "overlay"
+    if overlay.is_mount():
+        checked("umount", overlay)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _environment(folder: Path) -> dict[str, str]:
+    names = {"CONTAINERS_CONF": "containers.conf", "CONTAINERS_STORAGE_CONF": "storage.conf"}
+    return {variable: str(folder / name) for variable, name in names.items()}
 
 
 def _build_options(wheels: Path, revision: str) -> list[str]:
