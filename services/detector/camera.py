@@ -32,7 +32,7 @@ class CameraOutputs:
     """Publishers of one camera's results, and the demand for them. detections: None if only class lists are made."""
 
     key: CameraKey
-    account: FrameCounts
+    tally: FrameCounts
     demand: SharedDemand
     detections: Publisher | None
     classes: Publisher
@@ -68,15 +68,15 @@ class CameraOutputs:
 async def serving(
     bus: Bus,
     key: CameraKey,
-    account: FrameCounts,
+    tally: FrameCounts,
     *,
     role: WorkerRole = DETECTOR,
     segments: bool = True,
-    painters: Executor | None = None,
+    overlay_threads: Executor | None = None,
 ) -> AsyncIterator[CameraOutputs]:
     """Declare a camera's result streams while the context lasts.
 
-    role: says which there are. segments: whether there are masks to draw. painters: see `drawing`.
+    role: says which there are. segments: whether there are masks to draw. overlay_threads: see `drawing`.
     """
     demand = SharedDemand()
 
@@ -98,8 +98,8 @@ async def serving(
             for stream, masks in MASKS.items()
             if not role.lists_only and (segments or not masks)
         }
-        overlays = await stack.enter_async_context(drawing(publishers, painters))
-        yield CameraOutputs(key, account, demand, detections, classes, overlays)
+        overlays = await stack.enter_async_context(drawing(publishers, overlay_threads))
+        yield CameraOutputs(key, tally, demand, detections, classes, overlays)
 
 
 BUCKET_NS: Final = 2_000_000_000
@@ -129,7 +129,7 @@ log = logging.getLogger(__name__)
 
 
 async def feed(
-    bus: Bus, camera: CameraOutputs, board: FrameQueue, asked: RateRequest, *, worker: str, role: WorkerRole
+    bus: Bus, camera: CameraOutputs, frame_queue: FrameQueue, asked: RateRequest, *, worker: str, role: WorkerRole
 ) -> None:
     """Put the camera's newest frame on the queue while its results are wanted; runs until cancelled.
 
@@ -139,11 +139,11 @@ async def feed(
     color, consumer = StreamKey(camera.key, Stream.COLOR), role.consumer(worker)
 
     async def receive() -> None:
-        camera.account.begin()
-        lateness, thinning = Lateness(), RateLimiter()
+        camera.tally.begin()
+        lateness, rate_limiter = Lateness(), RateLimiter()
 
         def passes(arrived_ns: int) -> bool:
-            return role.most_hz is None or asked.hz is None or thinning.passes(arrived_ns, asked.hz, asked.from_ns)
+            return role.most_hz is None or asked.hz is None or rate_limiter.passes(arrived_ns, asked.hz, asked.from_ns)
 
         try:
             async with (
@@ -154,34 +154,34 @@ async def feed(
                 telling = group.create_task(asked.tell(bus, color, consumer))
                 try:
                     async for sample in frames:
-                        accept(camera, board, sample, lateness, passes)
+                        accept(camera, frame_queue, sample, lateness, passes)
                     telling.cancel()
                 finally:
-                    camera.account.dropped[UNWANTED] += frames.counts.unread
+                    camera.tally.dropped[UNWANTED] += frames.counts.unread
         finally:
-            camera.account.dropped[UNWANTED] += board.discard(camera.key)
+            camera.tally.dropped[UNWANTED] += frame_queue.discard(camera.key)
 
     await while_wanted(camera.demand, receive)
 
 
 def accept(
-    camera: CameraOutputs, board: FrameQueue, sample: Sample, lateness: Lateness, passes: Callable[[int], bool]
+    camera: CameraOutputs, frame_queue: FrameQueue, sample: Sample, lateness: Lateness, passes: Callable[[int], bool]
 ) -> None:
     """Put a frame on the queue, or count why it was dropped. passes: whether a frame of this arrival time is used."""
     try:
         frame = codec.decode(ImageFrame, sample.payload, sample.encoding)
         codec.check_identity(frame.header, camera.key)
     except SchemaError as error:
-        camera.account.malformed(sample.replaced)
+        camera.tally.malformed(sample.replaced)
         log.warning("%s: frame left out: %s", camera.key, error)
         return
-    if not camera.account.arrived(frame.header, sample.replaced):
+    if not camera.tally.arrived(frame.header, sample.replaced):
         return
     if not shows_colours(frame):
-        camera.account.dropped[DEPTH] += 1
+        camera.tally.dropped[DEPTH] += 1
         return
     if not passes(sample.received_ns):
-        camera.account.dropped[ABOVE_OPINION_RATE] += 1
+        camera.tally.dropped[ABOVE_OPINION_RATE] += 1
         return
     late_ns = lateness.late_ns(frame.header.received_ns, sample.received_ns)
-    camera.account.dropped[REPLACED] += board.post(camera.key, QueuedFrame(frame, sample.received_ns, late_ns))
+    camera.tally.dropped[REPLACED] += frame_queue.post(camera.key, QueuedFrame(frame, sample.received_ns, late_ns))

@@ -17,8 +17,8 @@ import msgspec
 from bus.sharing.watchdog import CHECK_S, HUNG
 from schemas.tuning import Tuning
 from services.detector.model import (
-    SILENT,
-    SILENT_OF_POSES,
+    NO_MASKS,
+    NO_MASKS_OF_POSES,
     DetectedObjects,
     Model,
     ModelError,
@@ -33,8 +33,8 @@ TRIAL_S: Final = HUNG * CHECK_S / 2
 """Seconds that a call may take where another model can answer instead: that is before the worker counts as hung."""
 
 BOXES_ONLY: Final = {
-    SILENT: "no masks are drawn, distances and objects are silent",
-    SILENT_OF_POSES: "no masks are drawn, and objects are silent",
+    NO_MASKS: "no masks are drawn, distances and objects are not published",
+    NO_MASKS_OF_POSES: "no masks are drawn, and objects are not published",
 }
 
 

@@ -62,11 +62,11 @@ class Inference:
         self,
         model: Model,
         worker: str,
-        board: FrameQueue,
+        frame_queue: FrameQueue,
         *,
         tracking: Tracking | None,
         cameras: dict[CameraKey, CameraOutputs],
-        accounts: Mapping[CameraKey, FrameCounts],
+        tallies: Mapping[CameraKey, FrameCounts],
         max_age_s: float | None,
         keeps_up: Callable[[], bool],
         on_result: Callable[[CameraKey], None],
@@ -75,10 +75,10 @@ class Inference:
         self._model = model
         self._regions = regions
         self._worker = worker
-        self._board = board
+        self._frame_queue = frame_queue
         self._tracking = tracking
         self._cameras = cameras
-        self._accounts = accounts
+        self._tallies = tallies
         self._max_age_s = max_age_s
         self._keeps_up = keeps_up
         self._on_result = on_result
@@ -125,7 +125,7 @@ class Inference:
 
     def totals(self) -> Totals:
         """Return the counts of all frames so far."""
-        lost = sum(account.too_many for account in self._accounts.values())
+        lost = sum(tally.too_many for tally in self._tallies.values())
         running_s = time.monotonic() - self._busy_since_s if self._at_work else 0.0
         return Totals(self._done, lost, self._busy_s + running_s)
 
@@ -140,13 +140,15 @@ class Inference:
 
     async def _batch(self) -> list[SentFrame]:
         wished = sum(camera.demand.wanted for camera in self._cameras.values())
-        await self._board.filled(min(self._model.max_batch, wished), BATCH_WAIT_S)
+        await self._frame_queue.filled(min(self._model.max_batch, wished), BATCH_WAIT_S)
         now_ns = time.time_ns()
         limit_ns, excused_ns = self._limits_ns()
         for reason, excused in ((STALE, now_ns), (LATE, excused_ns)):  # first those too old by the wait here alone
-            for key in self._board.expire(now_ns, limit_ns, excused):
-                self._accounts[key].dropped[reason] += 1
-        frames = (self._sent_frame(key, waiting, now_ns) for key, waiting in self._board.take(self._model.max_batch))
+            for key in self._frame_queue.expire(now_ns, limit_ns, excused):
+                self._tallies[key].dropped[reason] += 1
+        frames = (
+            self._sent_frame(key, waiting, now_ns) for key, waiting in self._frame_queue.take(self._model.max_batch)
+        )
         return [frame for frame in frames if frame is not None]
 
     def _limits_ns(self) -> tuple[int, int]:
@@ -159,7 +161,7 @@ class Inference:
     def _sent_frame(self, key: CameraKey, waiting: QueuedFrame, now_ns: int) -> SentFrame | None:
         camera = self._cameras.get(key)
         if camera is None or not camera.demand.wanted:
-            self._accounts[key].dropped[UNWANTED] += 1
+            self._tallies[key].dropped[UNWANTED] += 1
             return None
         request = Request(key, waiting.frame, camera.wants_masks)
         return SentFrame(camera, max(0, now_ns - waiting.arrived_ns), request)
@@ -222,12 +224,12 @@ class Inference:
 
     def _counted(self, sent: SentFrame, outcome: Outcome) -> DetectedObjects | None:
         """Count a frame and return its detections."""
-        account, header = sent.camera.account, sent.request.frame.header
+        tally, header = sent.camera.tally, sent.request.frame.header
         self._done += 1
         if isinstance(outcome, DetectedObjects):
-            account.done += 1
+            tally.done += 1
             return self._regions.within(sent.camera.key, sent.request.frame, outcome)
-        account.dropped[outcome.reason] += 1
+        tally.dropped[outcome.reason] += 1
         why = f"{sent.camera.key}: {outcome.reason}, {type(outcome.error).__name__}"  # each of these is said once
         log.warning("%s: frame %d of gateway %s left out: %s", why, header.seq, header.boot_id, outcome.error)
         return None

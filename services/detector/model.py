@@ -11,10 +11,10 @@ from schemas.image import ImageFrame
 from schemas.keys import CameraKey
 from schemas.tuning import Tuning
 
-SILENT: Final = "overlay/segmentation, distances and objects are silent"
+NO_MASKS: Final = "overlay/segmentation, distances and objects are not published"
 """The end of a remark that says that a model has no masks."""
 
-SILENT_OF_POSES: Final = "overlay/segmentation and objects are silent"
+NO_MASKS_OF_POSES: Final = "overlay/segmentation and objects are not published"
 """The same of a model whose keypoints give distances."""
 
 
@@ -27,9 +27,13 @@ class TuningError(Exception):
 
 
 def first_line(error: Exception) -> str:
-    """Return the first line of an error's text, with the error type if the text is only a key or a number."""
+    """Return the first line of an error's text, with the error type if the text is only a key or a number.
+
+    Lines that only introduce the next one, as OpenVINO's do, are left out.
+    """
     kind = type(error).__name__
-    line = next((line.strip() for line in str(error).splitlines() if line.strip()), kind)
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()] or [kind]
+    line = next((line for line in lines if not line.endswith(":")), lines[0])
     return line if " " in line or line == kind else f"{kind}: {line}"
 
 

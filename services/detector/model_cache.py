@@ -72,7 +72,7 @@ class ModelCache:
         except OSError as error:
             log.warning("%s cannot be read: %s", file, error.strerror)
         except NotOursError as error:
-            log.warning("a model is fetched again: others could exchange it: %s", error)
+            log.warning("a cached model that others may write is fetched again: %s", error)
         return False
 
     async def fill(self, model: PublishedModel, fetch: Callable[[Path], Awaitable[None]]) -> None:
@@ -82,7 +82,7 @@ class ModelCache:
 
         Raises:
             DamagedModelError: the file that came has another digest.
-            OSError: the cache cannot be written. What `fetch` raises.
+            OSError: the cache cannot be written. Errors of `fetch` pass through.
         """
         part = self._own_file(self.path(model).name)
         await asyncio.to_thread(self._make_room, part)

@@ -21,11 +21,11 @@ MASKS: Final = {Stream.OVERLAY_DETECTION: False, Stream.OVERLAY_SEGMENTATION: Tr
 
 
 class Overlays:
-    """The overlay streams of one camera. painters: threads that draw."""
+    """The overlay streams of one camera. overlay_threads: threads that draw."""
 
-    def __init__(self, publishers: Mapping[Stream, Publisher], painters: Executor | None) -> None:
+    def __init__(self, publishers: Mapping[Stream, Publisher], overlay_threads: Executor | None) -> None:
         self._publishers = publishers
-        self._painters = painters
+        self._overlay_threads = overlay_threads
         self._waiting: tuple[Detections, ImageFrame] | None = None
         self._offered = asyncio.Event()
         self._idle = asyncio.Event()
@@ -68,7 +68,7 @@ class Overlays:
         drawn = map(codec.encode, overlays(found, frame, [MASKS[stream] for stream in looked_at]))
         for stream in looked_at:
             try:
-                payload = await asyncio.get_running_loop().run_in_executor(self._painters, next, drawn)
+                payload = await asyncio.get_running_loop().run_in_executor(self._overlay_threads, next, drawn)
             except Exception:  # one frame that cannot be drawn ends no camera
                 header = frame.header
                 log.exception("%s/%s: no %s of frame %d", header.robot, header.camera, stream, header.seq)
@@ -77,13 +77,15 @@ class Overlays:
 
 
 @asynccontextmanager
-async def drawing(publishers: Mapping[Stream, Publisher], painters: Executor | None = None) -> AsyncIterator[Overlays]:
+async def drawing(
+    publishers: Mapping[Stream, Publisher], overlay_threads: Executor | None = None
+) -> AsyncIterator[Overlays]:
     """Draw offered frames while the context lasts.
 
-    publishers: of the overlays that there can be, in the order they are drawn in. painters: see `Overlays`; the loop's
-    own unless given.
+    publishers: of the overlays that there can be, in the order they are drawn in. overlay_threads: see `Overlays`; the
+    loop's own unless given.
     """
-    made = Overlays(publishers, painters)
+    made = Overlays(publishers, overlay_threads)
     async with asyncio.TaskGroup() as group:
         running = group.create_task(made.run())
         try:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from schemas.detections import Detection
 from schemas.header import MAX_LABEL
 from schemas.tuning import Tuning
-from services.detector.model import SILENT, SILENT_OF_POSES, DetectedObjects, Failed, Model, Outcome, Request
+from services.detector.model import NO_MASKS, NO_MASKS_OF_POSES, DetectedObjects, Failed, Model, Outcome, Request
 from services.detector.runtime.overlap import boxes_of, ious
 
 log = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ class PairedModel:
     def remarks(self) -> tuple[str, ...]:
         """See `Model.remarks`."""
         # the other model makes the masks
-        of_boxes = (remark for remark in self._boxes.remarks if not remark.endswith((SILENT, SILENT_OF_POSES)))
+        of_boxes = (remark for remark in self._boxes.remarks if not remark.endswith((NO_MASKS, NO_MASKS_OF_POSES)))
         return (*of_boxes, *self.masks.remarks)
 
     @property

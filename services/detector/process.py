@@ -41,7 +41,7 @@ from services.worker.worker import Worker
 
 PACE_PERIOD_S: Final = 0.25
 
-PAINTERS: Final = 2
+OVERLAY_THREADS: Final = 2
 """Threads that draw the overlays of all cameras: each draws its newest frame in its turn."""
 
 
@@ -70,22 +70,22 @@ class DetectorWorker:
         self._configured = model.tuning
         self._role = role
         self._name = tokens[0].worker
-        self._board = FrameQueue()
+        self._frame_queue = FrameQueue()
         self._cameras: dict[CameraKey, CameraOutputs] = {}
         unread = REPLACED if role.most_hz is None else ABOVE_OPINION_RATE  # a newer one is as good for an opinion
-        self._accounts = Tallies(partial(FrameCounts, unread=unread))
+        self._tallies = Tallies(partial(FrameCounts, unread=unread))
         self._asked: dict[CameraKey, RateRequest] = {}
         self._took_over: dict[CameraKey, Callable[[], None]] = {}
         self._leaving = leaving or Leaving()
-        self._painters = ThreadPoolExecutor(PAINTERS, thread_name_prefix="overlays")
+        self._overlay_threads = ThreadPoolExecutor(OVERLAY_THREADS, thread_name_prefix="overlays")
         self._pace = Pace()
         self._inference = Inference(
             model,
             self._name,
-            self._board,
+            self._frame_queue,
             tracking=tracking,
             cameras=self._cameras,
-            accounts=self._accounts.kept,
+            tallies=self._tallies.kept,
             max_age_s=max_age_s,
             keeps_up=lambda: self._pace.limit_hz is None,
             on_result=self._has_result,
@@ -94,7 +94,7 @@ class DetectorWorker:
         self._worker = Worker(
             bus,
             tokens,
-            self._accounts,
+            self._tallies,
             self._serve,
             details=self._details,
             pending=self._inference.pending,
@@ -111,22 +111,24 @@ class DetectorWorker:
         try:
             await self._worker.run(self._keep_pace(), self._inference.run())
         finally:
-            self._painters.shutdown(wait=False, cancel_futures=True)
+            self._overlay_threads.shutdown(wait=False, cancel_futures=True)
 
-    async def _serve(self, key: CameraKey, account: FrameCounts, took_over: Callable[[], None]) -> None:
+    async def _serve(self, key: CameraKey, tally: FrameCounts, took_over: Callable[[], None]) -> None:
         asked = self._asked[key] = RateRequest()
         asked.ask(self._role.most_hz)
         self._took_over[key] = took_over
-        segments, painters = self._model.segments, self._painters
+        segments, overlay_threads = self._model.segments, self._overlay_threads
         try:
             async with (
-                serving(self._bus, key, account, role=self._role, segments=segments, painters=painters) as camera,
+                serving(
+                    self._bus, key, tally, role=self._role, segments=segments, overlay_threads=overlay_threads
+                ) as camera,
                 asyncio.TaskGroup() as group,
             ):
                 self._cameras[key] = camera
                 group.create_task(say_unwanted(camera.demand, took_over))
                 try:
-                    await feed(self._bus, camera, self._board, asked, worker=self._name, role=self._role)
+                    await feed(self._bus, camera, self._frame_queue, asked, worker=self._name, role=self._role)
                 finally:
                     await self._finish(camera)
         finally:
@@ -153,7 +155,7 @@ class DetectorWorker:
             wanted = {key for key, camera in self._cameras.items() if camera.demand.wanted}
             changed = self._pace.look(self._inference.totals(), len(wanted), time.monotonic())
             if changed or wanted != shared_by:
-                self._share_pace(self._board.by_turn(wanted))
+                self._share_pace(self._frame_queue.by_turn(wanted))
             shared_by = wanted
 
     def _share_pace(self, cameras: Sequence[CameraKey]) -> None:
@@ -174,7 +176,7 @@ class DetectorWorker:
             "canary": _canary(self._model)[:MAX_LABEL],
             "remarks": [remark[:MAX_LABEL] for remark in remarks],
             "classes": list(self._model.classes[:MAX_CLASSES]),
-            "cameras": self._accounts.loads({key: asked.hz for key, asked in self._asked.items()}),
+            "cameras": self._tallies.loads({key: asked.hz for key, asked in self._asked.items()}),
             "busy_s": self._inference.totals().busy_s,
         }
 

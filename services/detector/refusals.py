@@ -102,7 +102,7 @@ class Refusals:
             fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
             os.write(mark, str(self._tries(digest) + 1).encode())
         except OSError as error:
-            log.warning("a model that ends this process will be tried again: %s: %s", self._folder, error.strerror)
+            log.warning("%s: %s: if this model ends the process, it will be tried again", self._folder, error.strerror)
 
     def works(self, digest: str) -> None:
         """A model has found objects: forget that it failed, here and in processes that have ended."""

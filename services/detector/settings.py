@@ -56,10 +56,17 @@ def is_openvino_folder(path: Path) -> bool:
     return path.is_dir() and any(path.glob("*.xml"))
 
 
+ON_PROCESSORS: Final = ("openvino", "openvino-int8")
+"""Runtimes that use no GPU."""
+
+
 def shipped_file(device: str | None, runtime: str | None) -> Path:
-    """Return the file of the shipped model: the exported one on a processor, where ONNX Runtime can read it."""
+    """Return the file of the shipped model: the exported one on a processor, where ONNX Runtime can read it.
+
+    runtime: as requested; OpenVINO computes on the processor, whatever device there is.
+    """
     on = (device or ("cuda" if GPU.exists() else "cpu")).strip().lower()
-    wants_torch = runtime in ("torch", "tensorrt") or on != "cpu"
+    wants_torch = runtime in ("torch", "tensorrt") or (on != "cpu" and runtime not in ON_PROCESSORS)
     can_read, can_run_weights = not not_installed(["onnxruntime"]), not not_installed(WEIGHTS_NEED)
     return SHIPPED_MODEL if can_run_weights and (wants_torch or not can_read) else SHIPPED_EXPORT
 
@@ -122,7 +129,7 @@ NameConfidence = Annotated[str, AfterValidator(_name_confidence)]
 Runtime = Literal["auto", "torch", "onnx", "openvino", "openvino-int8", "tensorrt"]
 
 
-class LookSettings(BaseModel):
+class InferenceSettings(BaseModel):
     """Settings of every process that runs a model on images: detection criteria and runtime."""
 
     heading: ClassVar = "the model"
@@ -171,6 +178,13 @@ class LookSettings(BaseModel):
         int | None,
         Field(ge=LEAST_SIDE, le=MOST_SIDE, description="longer side that images are scaled to; by default as trained"),
     ] = None
+    int8: Annotated[
+        bool,
+        Field(
+            description="let --runtime auto choose the INT8 networks of an exported model that has them, as the shipped"
+            " one has; --no-int8 leaves them out"
+        ),
+    ] = True
     cache: Path = Field(
         default_factory=default_cache,
         description="folder for exported models, the choice of runtime and the models of --model fleet",
@@ -206,7 +220,7 @@ class LookSettings(BaseModel):
         return {name.strip(): float(score) for name, _, score in split}
 
 
-class DetectorSettings(LookSettings, SharingSettings, BusSettings):
+class DetectorSettings(InferenceSettings, SharingSettings, BusSettings):
     """Run a YOLO model on the cameras whose results are subscribed to, one call per image."""
 
     model: Annotated[
@@ -247,13 +261,6 @@ class DetectorSettings(LookSettings, SharingSettings, BusSettings):
         Runtime,
         Field(description="inference runtime; auto measures those installed once a week and takes the fastest"),
     ] = "auto"
-    int8: Annotated[
-        bool,
-        Field(
-            description="let --runtime auto choose the INT8 networks of an exported model that has them, as the shipped"
-            " one has; --no-int8 leaves them out"
-        ),
-    ] = True
     tracker: Annotated[
         Literal["off", "bytetrack", "botsort"], Field(description="tracker that follows objects from frame to frame")
     ] = "botsort"

@@ -30,7 +30,7 @@ NOT_FOR_THIS: Final = (
     " published one, such as yolov5su.pt"
 )
 NO_PICKLE: Final = "damaged, or not written by torch"
-"""What it means where all that an error says is a number out of the file, or what Ultralytics makes of that."""
+"""Said where the error names only a number out of the file, or what Ultralytics makes of that."""
 
 DOWNLOADS: Final = threading.RLock()
 """Held by whoever has Ultralytics look for a file, for `exact_names` changes how it does so in the whole process."""

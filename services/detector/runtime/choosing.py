@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.detector.model import ModelError
+from services.detector.model import ModelError, first_line
 from services.detector.runtime.engine import Engine, Runtime
 from services.detector.runtime.exporting import MAKING, installed
 
@@ -34,7 +34,6 @@ NEEDS: Final[Mapping[Runtime, tuple[str, ...]]] = {
 REMEDIES: Final[Mapping[Runtime, str]] = {
     "onnx": "see fleetsight's extra [onnx]",
     "openvino": "see fleetsight's extra [openvino]",
-    "openvino-int8": "see fleetsight's extra [openvino]",
     "tensorrt": "see fleetsight's extra [onnx], and NVIDIA's package tensorrt for this machine's CUDA",
 }
 FOR_DEVICE: Final[Mapping[str, tuple[Runtime, ...]]] = {
@@ -114,8 +113,8 @@ def choose(
 ) -> tuple[Runtime, Engine]:
     """Return the fastest runtime for a device and the model under it.
 
-    Choices are kept for a week, or for an hour if the machine was busy. What was the fastest and no longer works is
-    left out, with a warning.
+    Choices are kept for a week, or for an hour if the machine was busy. A kept choice that no longer works is left
+    out, with a warning.
 
     make: returns the model under a runtime that has proved that it works. blank: a batch to measure with.
 
@@ -178,7 +177,10 @@ def _fastest(timings: Mapping[Runtime, Timing]) -> Runtime:
 def _told(best: Runtime, timings: Mapping[Runtime, Timing], *, busy: bool) -> str:
     others = [each.shortest for name, each in timings.items() if name != best]
     longer = min(others) / timings[best].shortest - 1
-    by = f"the next takes {longer:.0%} longer" if longer > EQUAL else "another is as fast"
+    if longer < 0:
+        by = f"but for {INT8}, which saves {-longer:.0%}: less than the {LEAST_GAIN:.0%} from which on it is taken"
+    else:
+        by = f"the next takes {longer:.0%} longer" if longer > EQUAL else "another is as fast"
     times = ", ".join(f"{name} {each.shortest * 1e3:.0f} ms" for name, each in timings.items())
     again = "; the machine was busy, so a start an hour later measures again" if busy else ""
     return f"{best} is the fastest here, {by}: {times}{again}"
@@ -199,7 +201,7 @@ def _made(make: Callable[[Runtime], Engine], candidates: Iterable[Runtime]) -> l
         try:
             made.append((each, make(each)))
         except Exception as error:  # noqa: BLE001 - whatever ails one library, another one may work
-            log.warning("not with --runtime %s: %s", each, error)
+            log.warning("--runtime %s does not work here: %s", each, first_line(error))
     return made
 
 

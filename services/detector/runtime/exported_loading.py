@@ -14,8 +14,9 @@ from services.detector.runtime.engine import Engine, RunningModel, Runtime
 from services.detector.runtime.exported_model import ExportedModel
 from services.detector.runtime.model_file import ONNX_SUFFIX
 from services.detector.runtime.pipeline import prove
+from services.detector.runtime.postprocess import OutputError
 from services.detector.runtime.refinement.refiner import Refiner, blank_close_ups
-from services.detector.settings import GPU, DetectorSettings
+from services.detector.settings import GPU, ON_PROCESSORS, DetectorSettings
 
 log = logging.getLogger(__name__)
 
@@ -34,7 +35,11 @@ def running_export(
     Raises:
         ModelError: no runtime works here, or not the requested one.
     """
-    on_processor = settings.runtime in ("openvino", INT8) or model.file.suffix.lower() != ONNX_SUFFIX
+    on_processor = settings.runtime in ON_PROCESSORS or model.file.suffix.lower() != ONNX_SUFFIX
+    if settings.runtime in ON_PROCESSORS and (settings.device or "cpu").strip().lower() != "cpu":
+        raise ModelError(
+            f"--device {settings.device}: --runtime {settings.runtime} computes on the processor; leave --device out"
+        )
     gpu = _gpu("cpu" if on_processor and settings.device is None else settings.device)
     threads = settings.inference_threads
     candidates = _candidates(model, settings, gpu)
@@ -46,7 +51,14 @@ def running_export(
 
     if len(candidates) == 1:
         runtime = candidates[0]
-        engine = make(runtime)
+        try:
+            engine = make(runtime)
+        except OutputError:
+            raise
+        except Exception as error:
+            raise ModelError(
+                f"{model.path.name} does not run under --runtime {runtime} here: {first_line(error)}"
+            ) from error
     else:
         place = RuntimeTarget(
             model.digest, longest, "cpu", threads, settings.cache, spare=folder, candidates=candidates

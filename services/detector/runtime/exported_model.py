@@ -160,7 +160,7 @@ def _of_openvino(folder: Path, file: Path) -> tuple[Mapping[str, Any], Shape]:
     try:
         from services.detector.runtime.openvino_engine import input_shape  # noqa: PLC0415 - it may not be there
     except ModuleNotFoundError as error:
-        raise _ExportError("openvino is not installed; pip install -c constraints.txt openvino") from error
+        raise _ExportError("openvino is not installed; see fleetsight's extra [detector-onnx]") from error
     if not file.with_suffix(".bin").is_file():
         raise _ExportError(f"{file.with_suffix('.bin').name}, which has its weights, is missing beside {file.name}")
     metadata = folder / METADATA_FILE

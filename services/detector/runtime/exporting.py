@@ -41,10 +41,10 @@ EXPORTERS: Final[Mapping[str, tuple[str, ...]]] = {
     "onnx": ("ultralytics", "torch", "onnx"),
     "engine": ("ultralytics", "torch", "onnx", "tensorrt"),
 }
-"""What makes each kind; an engine is loaded by no other version of what made it."""
+"""Packages that make each kind; an engine is loaded only by the version that made it."""
 
 UNWRITABLE: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES})
-"""What an exporter fails with because of where it writes."""
+"""Error numbers of an exporter that cannot write where it should."""
 
 
 def exported(
@@ -76,7 +76,7 @@ def exported(
         if file != damaged and os.access(file, os.R_OK):  # unlike Path's questions, answers where nobody may look
             if _is_as_kept(file):
                 return file
-            log.warning("%s is not as it was kept, and is exported again", file)
+            log.warning("%s: its SHA-256 is not the recorded one; exporting again", file)
             discard(file.parent)
     log.info("exporting %s for %s, once", weights.path.name, kind)
     export = partial(_export, weights, kind, device=device, longest=longest)

@@ -1,5 +1,6 @@
 """Loads a model that is ready to use, from settings."""
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,34 +32,46 @@ from services.detector.tracking.tracks import Tracking
 UNMEASURED: Final = {False: "torch", True: "onnx"}
 """Runtimes of weights and of exported models that work wherever such a model does."""
 
-WITHOUT_INT8: Final = {INT8: (INT8, "openvino")}
-"""Runtimes to try in place of one: not every exported model contains INT8 networks."""
+log = logging.getLogger(__name__)
 
 
-def load_all(settings: DetectorSettings, folder: Path) -> Model:
-    """Load the model, and the one for boxes if there is one; see `load`. Both are read before either is exported."""
+def load_all(settings: DetectorSettings, folder: Path, *, as_before: str | None = None) -> Model:
+    """Load the model, and the one for boxes if there is one; see `load`. Both are read before either is exported.
+
+    as_before: the runtime of an earlier model, instead of the requested one. A model without INT8 networks runs under
+    the same library in single precision.
+    """
     read = _read(settings, folder, "--model")
     if settings.detection_model is None:
         _check_new_names(settings, read)
-        return _ready(read, settings, folder)
+        return _ready(read, _as_before(settings, read.file, as_before), folder)
     if (task := read.file.task).kind != "segment":
         raise ModelError(f"{read.what}: for {task.title}, but beside --detection-model its masks are needed")
     boxes = {"model": settings.detection_model, "refine": False}
     read_boxes = _read(settings.model_copy(update=boxes), folder, "--detection-model")
     _check_new_names(settings, read, read_boxes)
-    model = _ready(read, settings, folder)
+    model = _ready(read, _as_before(settings, read.file, as_before), folder)
     try:
-        return PairedModel(_ready(read_boxes, settings, folder), model)
+        return PairedModel(_ready(read_boxes, _as_before(settings, read_boxes.file, as_before), folder), model)
     except ModelError:
         model.close()
         raise
+
+
+def _as_before(settings: DetectorSettings, file: ModelFile, runtime: str | None) -> DetectorSettings:
+    """Return the settings with which a model runs as an earlier one did; see `load_all`."""
+    if runtime is None:
+        return settings
+    if runtime == INT8 and not (isinstance(file, ExportedModel) and file.int8 is not None):
+        runtime = "openvino"
+    return settings.model_copy(update={"runtime": runtime})
 
 
 class SuccessiveLoading:
     """Loads one model after another, each beside the one before; see `load_all`.
 
     With `--runtime auto` later models take the runtime of the first of their form, weights or exported, if they work
-    under it; the first of the other form takes UNMEASURED. What is measured beside a model that runs is wrong, and
+    under it; the first of the other form takes UNMEASURED. Measuring beside a model that runs gives wrong times, which
     would be kept for a week.
     """
 
@@ -71,22 +84,21 @@ class SuccessiveLoading:
         """Load a model's file; raises ModelError."""
         settings = self._settings.model_copy(update={"model": str(file)})
         exported = is_exported(str(file))
-        runtime = self._runtimes.get(exported, settings.runtime)
-        if self._runtimes and runtime == "auto":
+        runtime = self._runtimes.get(exported)
+        if self._runtimes and runtime is None and settings.runtime == "auto":
             runtime = UNMEASURED[exported]
-        model = self._loaded(settings, *WITHOUT_INT8.get(runtime, (runtime,)))
+        model = self._loaded(settings, runtime)
         if (found := _runtime_of(model)) is not None:
             self._runtimes.setdefault(exported, found)
         return model
 
-    def _loaded(self, settings: DetectorSettings, *runtimes: str) -> Model:
-        """Load under the first of these runtimes that works, or as asked for."""
-        for runtime in runtimes:
+    def _loaded(self, settings: DetectorSettings, runtime: str | None) -> Model:
+        """Load under this runtime if the model works under it, else as asked for."""
+        if runtime is not None and runtime != settings.runtime:
             try:
-                return load_all(settings.model_copy(update={"runtime": runtime}), self._folder)
-            except ModelError:
-                if runtime == settings.runtime:
-                    raise
+                return load_all(settings, self._folder, as_before=runtime)
+            except ModelError as error:
+                log.warning("not under %s, as the model before it: %s", runtime, error)
         return load_all(settings, self._folder)
 
 

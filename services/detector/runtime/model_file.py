@@ -16,7 +16,7 @@ has every class that is sure enough. rt-detr: boxes are shares of a stretched im
 HEADS: Final[tuple[Head, ...]] = get_args(Head)
 
 Kind = Literal["segment", "detect", "pose", "obb", "classify"]
-"""What Ultralytics calls a model's task."""
+"""Ultralytics' name of a model's task."""
 
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 COLOURS: Final = 3
@@ -36,7 +36,7 @@ class Task:
 
     @property
     def title(self) -> str:
-        """What the model does, for people."""
+        """The task in words, for people."""
         return _TITLES[self.kind]
 
     @property

@@ -26,7 +26,7 @@ NO_MEMORY: Final = (
     "cudnn_status_alloc_failed",
     "cublas_status_alloc_failed",
 )
-"""What the errors of its arena, CUDA, cuDNN and cuBLAS say, in small letters."""
+"""Texts in errors of its arena, CUDA, cuDNN and cuBLAS, in small letters."""
 
 
 def session_options(threads: int) -> onnxruntime.SessionOptions:

@@ -18,8 +18,8 @@ from schemas.image import ImageFrame
 from schemas.tuning import Tuning
 from services.detector.frame_counts import FAILED, MALFORMED
 from services.detector.model import (
-    SILENT,
-    SILENT_OF_POSES,
+    NO_MASKS,
+    NO_MASKS_OF_POSES,
     DetectedObjects,
     Failed,
     ModelError,
@@ -53,7 +53,7 @@ def prove(
     """Compute an empty image, 1 x height x width x RGB, and read it like any other; names to task: the model's.
 
     Raises:
-        OutputError: nothing can be read off the output. What the engine raises beside it says that it does not work.
+        OutputError: nothing can be read off the output. Any other error is the engine's: it does not work.
     """
     (output,) = engine.run(blank)
     height, width = blank.shape[1:3]
@@ -126,7 +126,7 @@ class Pipeline:
         self.in_flight = in_flight
         self.facts = facts
         self.segments = facts.task.has_masks
-        silent = SILENT_OF_POSES if facts.task.kind == "pose" else SILENT
+        silent = NO_MASKS_OF_POSES if facts.task.kind == "pose" else NO_MASKS
         self.remarks: tuple[str, ...] = () if self.segments else (f"{facts.name} has no masks: {silent}",)
         self._engine = engine
         self._blank = blank

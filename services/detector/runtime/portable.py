@@ -41,7 +41,7 @@ def portable(weights: "Weights", longest: int, quantize: Quantize | None = None)
     quantize: for INT8 networks beside these, see `Quantizer`.
 
     Raises:
-        ModelError: the export failed, or what it needs is not installed. What `quantize` raises.
+        ModelError: the export failed, or what it needs is not installed, or `quantize` raised it.
     """
     try:
         import onnx  # noqa: PLC0415 - it may not be there

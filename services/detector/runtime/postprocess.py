@@ -71,7 +71,7 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """What the numbers of an output are of a model with so many classes."""
+    """The meaning of the numbers in the output of a model with so many classes."""
 
     classes: int
     head: Head

@@ -9,6 +9,8 @@ ones, grouped ones, and the branch of the head that tells classes.
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schemas.detections import Detection
-from services.detector.model import ModelError, first_line
+from schemas.image import ImageFrame
+from schemas.keys import CameraKey
+from services.detector.model import Failed, ModelError, Request, first_line
 from services.detector.pixels import ImageDecodeError, to_bgr
 from services.detector.runtime.candidates import Candidates
 from services.detector.runtime.criteria import Criteria
@@ -25,21 +29,18 @@ from services.detector.runtime.engine import Engine
 from services.detector.runtime.exported_model import Int8Networks
 from services.detector.runtime.model_file import ModelFile
 from services.detector.runtime.onnx_engine import OnnxEngine
-from services.detector.runtime.pipeline import Facts
-from services.detector.runtime.postprocess import Refine, objects
+from services.detector.runtime.overlap import Comparison
+from services.detector.runtime.pipeline import Facts, Pipeline
+from services.detector.runtime.postprocess import objects
 from services.detector.runtime.refinement.onnx_refiner import OnnxRefiner
 from services.detector.runtime.refinement.refiner import AT_ONCE, CloseUps, Refiner, close_ups
-from services.detector.stills import StillError, frame_of
+from services.detector.stills import ROBOT, StillError, frame_of
 
 CALIBRATING: Final = 64
 """Pictures whose activations are looked at."""
 COMPARING: Final = 300
 """Further pictures, at most, on which the networks are compared."""
 LEAST_COMPARING: Final = 100
-LEAST_EQUAL: Final = 0.99
-"""Share of these in which both must find the same classes."""
-LEAST_IOU: Final = 0.95
-"""Of masks that both refiners make of the same objects, on average; of the shipped model it is 0.99."""
 
 FIRST: Final = 8
 FIRST_OF_REFINER: Final = 1
@@ -50,6 +51,9 @@ CLASSES: Final = re.compile(r"/(one2one_)?cv3\.\d")
 
 THREADS: Final = 0
 """As many as there are cores."""
+
+CURE: Final = "give more pictures like those of the cameras"
+CAMERA: Final = CameraKey(ROBOT, ROBOT)
 
 Feed = Sequence[NDArray[Any]]
 """The inputs of a network, in their order."""
@@ -76,88 +80,89 @@ class Quantizer:
         """Return INT8 networks; both are given as the content of ONNX files.
 
         Raises:
-            ModelError: a picture cannot be read, or the networks find other classes too often, or other masks.
+            ModelError: a picture cannot be read, a library does not work, or INT8 finds too much else.
         """
+        try:
+            return self._made(network, refiner)
+        except ModelError:
+            raise
+        except Exception as error:
+            raise ModelError(f"--int8: the networks cannot be made or compared: {first_line(error)}") from error
+
+    def _made(self, network: bytes, refiner: bytes | None) -> Int8Networks:
         facts, progress = self._facts, self._progress
-        single = OnnxEngine(network, THREADS, gpu=None)
+        single, refines = OnnxEngine(network, THREADS, gpu=None), None
+        in_int8 = _runtime()
         made = _int8(network, _images(self._calibrating, facts, progress), FIRST)
-        self._compare(single, _engine(made))
-        if refiner is None:
-            return Int8Networks(made, None)
-        seen = [each for file in self._calibrating if (each := self._seen(single, file)) is not None]
-        if not seen:
-            raise ModelError(
-                "--int8: the model finds no objects in the pictures; give pictures like those of the cameras"
-            )
-        feeds = ((each.pixels, each.features, each.labels, each.scores) for each in seen)
-        refines = _int8(refiner, feeds, FIRST_OF_REFINER)
-        _compare_masks(OnnxRefiner(refiner, THREADS), _refiner(refines), seen)
+        if refiner is not None:
+            seen = [each for file in self._calibrating if (each := self._seen(single, file)) is not None]
+            if not seen:
+                raise ModelError(f"--int8: the model finds no objects in the pictures; {CURE}")
+            feeds = ((each.pixels, each.features, each.labels, each.scores) for each in seen)
+            refines = _int8(refiner, feeds, FIRST_OF_REFINER)
+        ours = self._model(single, None if refiner is None else OnnxRefiner(refiner, THREADS))
+        theirs = self._model(in_int8.engine(made), None if refines is None else in_int8.refiner(refines))
+        self._compare(ours, theirs)
         return Int8Networks(made, refines)
 
-    def _compare(self, single: Engine, int8: Engine) -> None:
-        self.equal = 0
-        for done, file in enumerate(self._comparing, 1):
-            pixels = _pixels(file, self._facts)
-            self.equal += self._classes(single, pixels) == self._classes(int8, pixels)
-            self._progress("compare", done, self.compared)
-        if self.equal < LEAST_EQUAL * self.compared:
-            raise ModelError(
-                f"--int8: of {self.compared} pictures {self.compared - self.equal} get other classes in INT8, at most"
-                f" {round((1 - LEAST_EQUAL) * 100)} in 100 may: give pictures more like those of the cameras, or export"
-                " without --int8"
-            )
+    def _model(self, engine: Engine, refiner: Refiner | None) -> Pipeline:
+        blank = np.zeros((1, *self._facts.letterbox(480, 640).shape, 3), np.uint8)
+        return Pipeline(self._facts, engine, self._criteria, blank=blank, refiner=refiner)
 
-    def _classes(self, engine: Engine, pixels: NDArray[np.uint8]) -> set[str]:
-        return {each.name for each in self._objects(engine, pixels)}
+    def _compare(self, single: Pipeline, int8: Pipeline) -> None:
+        """Raise ModelError if INT8 finds too much else in the pictures that did not calibrate it."""
+        compared = Comparison()
+        try:
+            for done, file in enumerate(self._comparing, 1):
+                frame = _frame(file)
+                compared.add(_found(single, frame), _found(int8, frame))
+                self._progress("compare", done, self.compared)
+        finally:
+            single.close()
+            int8.close()
+        self.equal = compared.equal
+        if (reason := compared.too_different()) is not None:
+            raise ModelError(f"--int8: {reason}; {CURE}, or export without --int8")
 
     def _seen(self, engine: Engine, file: Path) -> CloseUps | None:
         """Return close-ups of the objects in a picture; None without objects."""
-        pixels = _pixels(file, self._facts)
+        facts, pixels = self._facts, _pixels(file, self._facts)
         seen: list[CloseUps] = []
 
         def note(found: Candidates, prototypes: NDArray[np.float32]) -> None:
             seen.append(close_ups(pixels, found[:AT_ONCE], prototypes))
 
-        self._objects(engine, pixels, refine=note)
+        (output,) = engine.run(pixels[None])
+        about = (facts.letterbox(*pixels.shape[:2]), self._criteria, facts.names)
+        objects(output, *about, masks=True, refine=note, head=facts.head, task=facts.task)
         return seen[0] if seen else None
 
-    def _objects(self, engine: Engine, pixels: NDArray[np.uint8], refine: Refine | None = None) -> Sequence[Detection]:
-        (output,) = engine.run(pixels[None])
-        facts, masks = self._facts, refine is not None
-        about = (facts.letterbox(*pixels.shape[:2]), self._criteria, facts.names)
-        return objects(output, *about, masks=masks, refine=refine, head=facts.head, task=facts.task)
+
+def _found(model: Pipeline, frame: ImageFrame) -> Sequence[Detection]:
+    (outcome,) = model.run([Request(CAMERA, frame, masks=True)])
+    if isinstance(outcome, Failed):
+        raise outcome.error
+    return outcome.objects
 
 
-def _engine(network: bytes) -> Engine:
-    """Return an INT8 network under OpenVINO, as detectors run it, or under ONNX Runtime where that is not installed."""
+@dataclass(frozen=True, slots=True)
+class _Int8Runtime:
+    """Makes INT8 networks ready to run."""
+
+    engine: Callable[[bytes], Engine]
+    refiner: Callable[[bytes], Refiner]
+
+
+def _runtime() -> _Int8Runtime:
+    """Return OpenVINO, under which detectors run INT8 networks, or ONNX Runtime where that is not installed."""
     if find_spec("openvino") is None:
-        return OnnxEngine(network, THREADS, gpu=None)
-    from services.detector.runtime.openvino_engine import OpenVinoEngine  # noqa: PLC0415 - it may not be there
+        return _Int8Runtime(partial(OnnxEngine, threads=THREADS, gpu=None), partial(OnnxRefiner, threads=THREADS))
+    from services.detector.runtime import openvino_engine  # noqa: PLC0415 - it may not be there
 
-    return OpenVinoEngine(network, THREADS)
-
-
-def _refiner(network: bytes) -> Refiner:
-    """See `_engine`."""
-    if find_spec("openvino") is None:
-        return OnnxRefiner(network, THREADS)
-    from services.detector.runtime.openvino_engine import OpenVinoRefiner  # noqa: PLC0415 - as above
-
-    return OpenVinoRefiner(network, THREADS)
-
-
-def _compare_masks(single: Refiner, int8: Refiner, seen: Iterable[CloseUps]) -> None:
-    """Raise ModelError if two refiners' masks overlap too little."""
-    ious: list[float] = []
-    for each in seen:
-        ours, theirs = single.run(each).odds > 0, int8.run(each).odds > 0
-        either = (ours | theirs).sum((1, 2))
-        ious += np.where(either > 0, (ours & theirs).sum((1, 2)) / np.maximum(either, 1), 1).tolist()
-    if (mean := float(np.mean(ious))) < LEAST_IOU:
-        raise ModelError(
-            f"--int8: masks that are refined in INT8 have an IoU of {mean:.2f} with the others, not {LEAST_IOU}: give"
-            " more pictures like those of the cameras, or export without --int8"
-        )
+    return _Int8Runtime(
+        partial(openvino_engine.OpenVinoEngine, threads=THREADS),
+        partial(openvino_engine.OpenVinoRefiner, threads=THREADS),
+    )
 
 
 def _shared_out(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
@@ -239,13 +244,20 @@ def _images(files: Sequence[Path], facts: Facts, progress: Progress) -> Iterator
 
 def _pixels(file: Path, facts: Facts) -> NDArray[np.uint8]:
     """Return a picture in the model's input, height x width x RGB."""
+    frame = _frame(file)
+    letterbox = facts.letterbox(frame.height, frame.width)
+    pixels = np.empty((*letterbox.shape, 3), np.uint8)
     try:
-        frame = frame_of(file.read_bytes())
-        letterbox = facts.letterbox(frame.height, frame.width)
-        pixels = np.empty((*letterbox.shape, 3), np.uint8)
         letterbox.apply(to_bgr(frame), pixels)
-    except OSError as error:
-        raise ModelError(f"--int8: {file}: {error.strerror}") from error
-    except (StillError, ImageDecodeError) as error:
+    except ImageDecodeError as error:
         raise ModelError(f"--int8: {file}: {error}") from error
     return pixels
+
+
+def _frame(file: Path) -> ImageFrame:
+    try:
+        return frame_of(file.read_bytes())
+    except OSError as error:
+        raise ModelError(f"--int8: {file}: {error.strerror}") from error
+    except StillError as error:
+        raise ModelError(f"--int8: {file}: {error}") from error

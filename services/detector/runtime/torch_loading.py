@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from services.detector.model import ModelError, first_line
-from services.detector.runtime.choosing import RuntimeTarget, check_installed, choose, for_weights
+from services.detector.runtime.choosing import INT8, RuntimeTarget, check_installed, choose, for_weights
 from services.detector.runtime.engine import BATCH_ON_GPU, Engine, RunningModel, Runtime
 from services.detector.runtime.exporting import discard, exported
 from services.detector.runtime.pipeline import prove
@@ -92,6 +92,11 @@ def _engines(
             log.debug("torch does not work here: %s", first_line(error))
         batch = np.repeat(blank, BATCH_ON_GPU, axis=0) if device.type == "cuda" else blank
         return *choose(make, place, batch), reference
+    if settings.runtime == INT8:
+        raise ModelError(
+            f"--runtime {INT8}: weights contain no INT8 networks; exported models may:"
+            f" fleetsight model export {weights.path.name} --int8 PICTURES"
+        )
     check_installed(settings.runtime)
     return settings.runtime, make(settings.runtime), reference
 
@@ -147,11 +152,8 @@ def _make(
             return _loaded(partial(OpenVinoEngine, threads=place.threads), partial(file, "onnx"))
         case "tensorrt":
             return _loaded(partial(TorchEngine, device=device), partial(file, "engine"))
-        case "openvino-int8":
-            raise ModelError(
-                f"--runtime {runtime}: weights contain no INT8 networks; exported models may:"
-                f" fleetsight model export {weights.path.name} --int8 PICTURES"
-            )
+        case _:
+            raise ValueError(runtime)
 
 
 def _loaded(engine: Callable[[Path], Engine], file: Callable[..., Path]) -> Engine:

@@ -30,9 +30,9 @@ from services.detector.runtime.refinement.torch_refiner import network_in
 from services.detector.settings import WEIGHTS_SUFFIX, is_weights
 
 NEEDED: Final = "torch 2.6 and Ultralytics 8.4.175"
-"""What the extra [detector] asks for; Ultralytics before 8.4.68 does not read weights as data alone."""
+"""As the extra [detector] asks for; Ultralytics before 8.4.68 does not read weights as data alone."""
 DEFAULT_SIDE: Final = 640
-"""What Ultralytics trains at unless told otherwise."""
+"""Longer side, in pixels, at which Ultralytics trains by default."""
 NAMES_CURE: Final = "give its model one name for each class, numbered from 0, and save it again"
 
 ONE_TO_ONE: Final = "one2one_"

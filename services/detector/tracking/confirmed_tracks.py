@@ -1,10 +1,11 @@
 """Decides which tracks are confirmed and get a number. Pure.
 
-What is seen again and again gathers evidence, as tracks do in multiple hypothesis tracking (Reid, "An Algorithm for
-Tracking Multiple Targets", 1979; its score of a track is the sum of log-likelihood ratios): each sighting adds the log
-odds of its score, less those of a score that speaks neither for a thing nor against it. What is seen surely has its
-number at first sight, what is not once enough sightings speak for it, and keeps it as long as no more speak against it.
-So what flickers with low scores never gets a number, and one doubtful sighting takes none from what was seen well.
+An object that is seen again and again gathers evidence, as tracks do in multiple hypothesis tracking (Reid, "An
+Algorithm for Tracking Multiple Targets", 1979; its score of a track is the sum of log-likelihood ratios): each sighting
+adds the log odds of its score, less those of a score that speaks neither for an object nor against it. A high score
+gives a number at first sight, lower ones after several sightings, and the track keeps it until more sightings speak
+against it. So an object that flickers with low scores never gets a number, and one doubtful sighting takes none from
+one seen well.
 """
 
 import math
@@ -18,20 +19,20 @@ that is reached there, which is the chance from which on it pays to count one in
 of Classifiers to Maximize F1 Measure", 2014)."""
 
 ENOUGH: Final = 0.8
-"""What a track must gather for its number: one sighting at a score of 0.53, or several that are less sure."""
+"""Evidence that a track needs for its number: one sighting at a score of 0.53, or several that are less sure."""
 
 LEEWAY: Final = ENOUGH / 2 + 0.01
 """By how much in log odds the least score that is reported speaks for a thing, where the model is not known: two
 sightings are enough for a number."""
 
 SUREST: Final = 0.98
-"""What a single sighting counts as at most: a model that says 1 is not infinitely sure."""
+"""Score that a single sighting counts as at most: a model that says 1 is not infinitely sure."""
 
 LEAST: Final = 1 - SUREST
-"""What a single sighting counts as at least."""
+"""Score that a single sighting counts as at least."""
 
 MOST: Final = 3.0
-"""What a track can gather at most, so that whatever it slides onto later has its say."""
+"""Evidence of a track at most, so that it can soon lose its number if it slides onto another object."""
 
 MAX_TRACKS: Final = 10_000
 """Tracks remembered; those seen longest ago are forgotten first."""

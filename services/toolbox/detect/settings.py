@@ -10,7 +10,7 @@ from schemas.printing import printable
 from services.detector.settings import (
     SHIPPED,
     DetectorSettings,
-    LookSettings,
+    InferenceSettings,
     Runtime,
     check_is_file,
     is_weights,
@@ -23,7 +23,7 @@ SUFFIXES: Final = ("", ".jpg", ".jpeg")
 """Of a JPEG file; a device has none."""
 
 
-LOCAL: Final = {"model", "detection_model", "download", "runtime", *LookSettings.model_fields} - {
+LOCAL: Final = {"model", "detection_model", "download", "runtime", *InferenceSettings.model_fields} - {
     "cache",
     "device",
     "threads",
@@ -32,7 +32,7 @@ LOCAL: Final = {"model", "detection_model", "download", "runtime", *LookSettings
 an environment or a file, which other commands share, they may stand."""
 
 
-class DetectSettings(LookSettings, BusSettings):
+class DetectSettings(InferenceSettings, BusSettings):
     """Detect the objects in an image.
 
     Asks one of the fleet's detector workers, any that is not busy; with --local a model of this process. Prints a line
@@ -98,7 +98,7 @@ class DetectSettings(LookSettings, BusSettings):
     @property
     def of_model(self) -> DetectorSettings:
         """The settings of the model that runs here."""
-        chosen = {name: getattr(self, name) for name in LookSettings.model_fields}
+        chosen = {name: getattr(self, name) for name in InferenceSettings.model_fields}
         boxes = self.detection_model
         wanted = self.runtime or ("torch" if boxes is not None and is_weights(boxes) else None)
         model = str(shipped_file(self.device, wanted)) if self.model in (None, SHIPPED) else self.model

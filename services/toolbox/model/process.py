@@ -96,7 +96,9 @@ def _described(file: Path, name: str) -> PublishedModel:
     weights = _read(file, "publish")
     form: Literal["onnx", "pt"] = "onnx" if is_exported(str(file)) else "pt"
     if form == "onnx":
-        _try(file)
+        _try(file, "onnx")
+        if _has_int8(weights) and not not_installed(["openvino"]):
+            _try(file, "openvino-int8")
     names = list(dict.fromkeys(weights.names.values()))
     about = f"{weights.task.title} of {', '.join(names)}"[:MAX_LABEL]
     return PublishedModel(digest=digest_of(file), name=name, size=size, by=_myself(), about=about, form=form)
@@ -126,12 +128,18 @@ def _read(file: Path, option: str) -> "ModelFile":
         return read_model(str(file), folder, option)
 
 
-def _try(file: Path) -> None:
+def _has_int8(model: "ModelFile") -> bool:
+    from services.detector.runtime.exported_model import ExportedModel  # noqa: PLC0415 - as above
+
+    return isinstance(model, ExportedModel) and model.int8 is not None
+
+
+def _try(file: Path, runtime: str) -> None:
     """Run an exported model once: unlike weights, it is a program, which may never end. Raises as `_read` does."""
     from services.detector.runtime.loading import load  # noqa: PLC0415 - as above
 
     with _own_errors() as folder:
-        chosen = {"model": str(file), "runtime": "onnx", "device": "cpu", "cache": folder}
+        chosen = {"model": str(file), "runtime": runtime, "device": "cpu", "cache": folder}
         load(DetectorSettings.model_validate(chosen), folder).close()
 
 

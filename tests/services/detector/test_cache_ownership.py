@@ -110,7 +110,7 @@ def test_what_is_not_as_it_was_kept_is_exported_again(
     assert export("onnx", exporter) == file
     assert exporter.batches == {"onnx": 1}
     assert file.read_bytes() == b""
-    assert f"{file} is not as it was kept, and is exported again" in caplog.messages
+    assert f"{file}: its SHA-256 is not the recorded one; exporting again" in caplog.messages
     assert export("onnx", exporter := Exporter()) == file
     assert not exporter.batches
 

@@ -1,4 +1,4 @@
-"""A camera's frames on a fake bus on their way to the board of a detector."""
+"""A camera's frames on a fake bus on their way to the frame_queue of a detector."""
 
 import asyncio
 
@@ -18,23 +18,23 @@ from tests.waiting import until
 
 
 async def test_frames_that_wait_unread_or_on_the_board_when_it_ends_are_counted() -> None:
-    network, account, board = FakeNetwork(), FrameCounts(FRONT), FrameQueue()
+    network, tally, frame_queue = FakeNetwork(), FrameCounts(FRONT), FrameQueue()
     async with (
         network.open_bus() as theirs,
         network.open_bus() as ours,
         theirs.publisher(FRONT.stream(Stream.COLOR), QoS.IMAGE, encoding=codec.encoding(ImageFrame)) as colors,
         theirs.subscribe(FRONT.stream(Stream.CLASSES), QUEUE(9)),
-        serving(ours, FRONT, account) as camera,
+        serving(ours, FRONT, tally) as camera,
         asyncio.TaskGroup() as group,
     ):
-        feeding = group.create_task(feed(ours, camera, board, RateRequest(), worker="w1", role=DETECTOR))
+        feeding = group.create_task(feed(ours, camera, frame_queue, RateRequest(), worker="w1", role=DETECTOR))
         await until(lambda: colors.wanted)
         for seq in range(2):
             colors.put(codec.encode(frame(seq)))
-            await asyncio.wait_for(board.filled(1, 0), 5)
-        await until(lambda: account.dropped[REPLACED] == 1)
+            await asyncio.wait_for(frame_queue.filled(1, 0), 5)
+        await until(lambda: tally.dropped[REPLACED] == 1)
         feeding.cancel()
         for seq in range(2, 5):
             colors.put(codec.encode(frame(seq)))
         await asyncio.wait([feeding])
-    assert +account.dropped == {REPLACED: 1, UNWANTED: 4}
+    assert +tally.dropped == {REPLACED: 1, UNWANTED: 4}

@@ -36,7 +36,7 @@ def frame(camera: CameraKey, seq: int) -> ImageFrame:
 
 
 class Rig:
-    """Four cameras whose class lists are wanted, a board, and what takes frames from it."""
+    """Four cameras whose class lists are wanted, a frame_queue, and what takes frames from it."""
 
     def __init__(
         self,
@@ -48,17 +48,17 @@ class Rig:
         regions: Sequence[str] = (),
     ) -> None:
         self.model = model
-        self.board = FrameQueue()
+        self.frame_queue = FrameQueue()
         self.cameras: dict[CameraKey, CameraOutputs] = {}
-        self.accounts = {key: FrameCounts(key) for key in CAMERAS}
+        self.tallies = {key: FrameCounts(key) for key in CAMERAS}
         self.told: list[CameraKey] = []
         self.inference = Inference(
             model,
             "w1",
-            self.board,
+            self.frame_queue,
             tracking=tracking,
             cameras=self.cameras,
-            accounts=self.accounts,
+            tallies=self.tallies,
             max_age_s=max_age_s,
             keeps_up=lambda: keeps_up,
             on_result=self.told.append,
@@ -70,7 +70,7 @@ class Rig:
         async with AsyncExitStack() as stack:
             lists = await stack.enter_async_context(bus.subscribe(keys.every_stream(Stream.CLASSES), QUEUE(99)))
             for key in CAMERAS:
-                self.cameras[key] = await stack.enter_async_context(serving(bus, key, self.accounts[key]))
+                self.cameras[key] = await stack.enter_async_context(serving(bus, key, self.tallies[key]))
             await until(lambda: all(camera.demand.wanted for camera in self.cameras.values()))
             async with asyncio.TaskGroup() as group:
                 task = group.create_task(self.inference.run())
@@ -78,7 +78,7 @@ class Rig:
                 task.cancel()
 
     def post(self, camera: CameraKey, seq: int, arrived_ns: int | None = None) -> None:
-        self.board.post(camera, QueuedFrame(frame(camera, seq), arrived_ns or time.time_ns()))
+        self.frame_queue.post(camera, QueuedFrame(frame(camera, seq), arrived_ns or time.time_ns()))
 
     async def called(self, count: int) -> None:
         await until(lambda: len(self.model.calls) == count)
@@ -158,8 +158,8 @@ async def test_a_frame_that_fails_fails_alone_and_is_named(bus: Bus, caplog: pyt
         await rig.called(1)
         rig.model.answers[0].set()
         assert await result(lists) == ("c1", 1)
-    assert rig.accounts[CAMERAS[0]].dropped == {FAILED: 1}
-    assert (rig.accounts[CAMERAS[0]].done, rig.accounts[CAMERAS[1]].done) == (0, 1)
+    assert rig.tallies[CAMERAS[0]].dropped == {FAILED: 1}
+    assert (rig.tallies[CAMERAS[0]].done, rig.tallies[CAMERAS[1]].done) == (0, 1)
     assert "r1/c0: failed in the model, RuntimeError: frame 13 of gateway boot left out: fatal" in caplog.text
 
 
@@ -183,7 +183,7 @@ async def test_a_frame_that_is_too_old_when_its_turn_comes_is_left_out_and_count
     rig = Rig(ToldModel(), max_age_s=60)
     async with rig.running(bus):
         rig.post(CAMERAS[0], 1, arrived_ns=1)
-        await until(lambda: rig.accounts[CAMERAS[0]].dropped == {STALE: 1})
+        await until(lambda: rig.tallies[CAMERAS[0]].dropped == {STALE: 1})
         assert not rig.model.calls
         assert rig.inference.totals().lost == 1
 
@@ -324,7 +324,7 @@ async def test_frames_of_a_poor_link_are_used_while_there_is_time_for_them(
     rig = Rig(ToldModel(), max_age_s, keeps_up=keeps_up)
     async with rig.running(bus):
         now_ns = time.time_ns() + 3_600_000_000_000  # it waits for nothing, however slow this machine is
-        rig.board.post(CAMERAS[0], QueuedFrame(frame(CAMERAS[0], 1), now_ns, round(late_s * 1e9)))
-        await until(lambda: bool(rig.model.calls or rig.accounts[CAMERAS[0]].dropped))
-        assert (len(rig.model.calls), rig.accounts[CAMERAS[0]].dropped) == ((1, {}) if used else (0, {LATE: 1}))
+        rig.frame_queue.post(CAMERAS[0], QueuedFrame(frame(CAMERAS[0], 1), now_ns, round(late_s * 1e9)))
+        await until(lambda: bool(rig.model.calls or rig.tallies[CAMERAS[0]].dropped))
+        assert (len(rig.model.calls), rig.tallies[CAMERAS[0]].dropped) == ((1, {}) if used else (0, {LATE: 1}))
         assert rig.inference.totals().lost == 0

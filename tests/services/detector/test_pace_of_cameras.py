@@ -40,7 +40,7 @@ class Consumer:
         self._asked = (MOST_HZ if hz is None else min(MOST_HZ, hz), now_ns + round(wait_s * SECOND))
 
     def passes(self, now_ns: int) -> bool:
-        """Return whether a frame gets to the board."""
+        """Return whether a frame gets to the frame_queue."""
         return self._sparing.passes(now_ns, *self._asked) if self._spares else self._allowance.passes(now_ns)
 
 
@@ -59,7 +59,7 @@ class Simulation:
     lost: int = 0
     busy_s: float = 0.0
     oldest_ns: int = 0
-    board: FrameQueue = field(default_factory=FrameQueue)
+    frame_queue: FrameQueue = field(default_factory=FrameQueue)
     pace: Pace = field(default_factory=Pace)
 
     def run(self, seconds: float, measured_s: float) -> None:
@@ -78,7 +78,7 @@ class Simulation:
                 heapq.heappush(events, (now_s + 1 / CAMERA_HZ, 1, key))
                 if asked[key].passes(now_ns):
                     self.sent += 1
-                    self.lost += self.board.post(key, QueuedFrame(image(), now_ns))
+                    self.lost += self.frame_queue.post(key, QueuedFrame(image(), now_ns))
             elif kind == 2:
                 heapq.heappush(events, (now_s + 0.25, 2, None))
                 if self.pace.look(Totals(self.done, self.lost, self.busy_s), self.count, now_s):
@@ -92,8 +92,8 @@ class Simulation:
         self.sent, self.done, self.busy_s = self.sent - before[0], self.done - before[1], self.busy_s - before[2]
 
     def _work(self, now_s: float, now_ns: int, rng: random.Random) -> float:
-        self.lost += len(self.board.expire(now_ns, LIMIT_NS))
-        for _, waiting in self.board.take(1):
+        self.lost += len(self.frame_queue.expire(now_ns, LIMIT_NS))
+        for _, waiting in self.frame_queue.take(1):
             self.oldest_ns = max(self.oldest_ns, waiting.age_ns(now_ns))
             call_s = CALL_S + rng.random() * 0.004
             self.done, self.busy_s = self.done + 1, self.busy_s + call_s
@@ -102,7 +102,7 @@ class Simulation:
 
     def _ask(self, asked: dict[CameraKey, Consumer], now_ns: int) -> None:
         limit = self.pace.limit_hz
-        for turn, key in enumerate(self.board.by_turn(asked)):
+        for turn, key in enumerate(self.frame_queue.by_turn(asked)):
             hz, wait_s = (None, 0.0) if limit is None else (limit / self.count, turn / limit)
             asked[key].ask(hz, wait_s, now_ns)
 

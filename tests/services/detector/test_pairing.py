@@ -2,7 +2,15 @@ import pytest
 
 from schemas.detections import Box, Detection, Mask
 from schemas.tuning import Tuning
-from services.detector.model import SILENT, SILENT_OF_POSES, DetectedObjects, Failed, ModelError, Request, TuningError
+from services.detector.model import (
+    NO_MASKS,
+    NO_MASKS_OF_POSES,
+    DetectedObjects,
+    Failed,
+    ModelError,
+    Request,
+    TuningError,
+)
 from services.detector.pairing import PairedModel, joined
 from tests.services.detector.support.fakes import FakeModel
 from tests.services.detector.support.told_model import ToldModel
@@ -62,7 +70,7 @@ async def test_what_ends_one_model_is_the_error_that_callers_of_any_model_know(w
 
 async def test_the_second_model_is_asked_only_where_masks_are_wanted() -> None:
     boxes, masks = (
-        FakeModel(segments=False, remarks=(f"fake has no masks: {SILENT}", f"a {SILENT_OF_POSES}", "slow")),
+        FakeModel(segments=False, remarks=(f"fake has no masks: {NO_MASKS}", f"a {NO_MASKS_OF_POSES}", "slow")),
         FakeModel(),
     )
     model = PairedModel(boxes, masks)

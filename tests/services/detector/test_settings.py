@@ -137,6 +137,12 @@ def test_the_shipped_model_is_in_the_form_that_what_is_installed_can_read(
     assert settings.shipped_file(device, runtime) == file
 
 
+def test_openvino_computes_on_the_processor_also_beside_a_gpu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(settings, "GPU", tmp_path)
+    assert settings.shipped_file(None, "auto") == SHIPPED_MODEL
+    assert settings.shipped_file(None, "openvino-int8") == SHIPPED_EXPORT
+
+
 def test_the_default_model_does_not_depend_on_the_working_directory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -56,7 +56,7 @@ class Rig:
 
 
 async def loads_after(statuses: Subscription, *, inferred: int) -> dict[str, CameraLoad]:
-    """Wait for the status that says so many frames were inferred; return its accounts by camera."""
+    """Wait for the status that says so many frames were inferred; return its tallies by camera."""
     while True:
         status = await receive(statuses, WorkerStatus)
         if sum(load.inferred for load in status.cameras) >= inferred:

@@ -26,7 +26,7 @@ STEEPNESS: Final = 8.0
 
 OPSET: Final = 17
 NAMES: Final = ("pixels", "features", "labels", "scores", "odds", "qualities")
-"""What it takes, as `CloseUps` has it, and what it returns; the first dimension of each is any number of objects."""
+"""Inputs, as `CloseUps` has them, and outputs; the first dimension of each is any number of objects."""
 
 
 class Layer(nn.Sequential):

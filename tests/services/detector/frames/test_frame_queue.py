@@ -14,64 +14,68 @@ def waiting(seq: int, late_ns: int = 0) -> QueuedFrame:
 
 
 def test_the_newest_frame_of_a_camera_replaces_its_older_one() -> None:
-    board = FrameQueue()
-    assert [board.post(FRONT, waiting(0)), board.post(FRONT, waiting(1)), board.post(REAR, waiting(2))] == [0, 1, 0]
-    assert board.take(1) == [(FRONT, waiting(1))]
-    assert board.take(1) == [(REAR, waiting(2))]
-    assert board.take(1) == []
+    frame_queue = FrameQueue()
+    assert [
+        frame_queue.post(FRONT, waiting(0)),
+        frame_queue.post(FRONT, waiting(1)),
+        frame_queue.post(REAR, waiting(2)),
+    ] == [0, 1, 0]
+    assert frame_queue.take(1) == [(FRONT, waiting(1))]
+    assert frame_queue.take(1) == [(REAR, waiting(2))]
+    assert frame_queue.take(1) == []
 
 
 def test_a_fast_camera_does_not_starve_a_slow_one() -> None:
-    board = FrameQueue()
-    board.post(REAR, waiting(0))
+    frame_queue = FrameQueue()
+    frame_queue.post(REAR, waiting(0))
     served = []
     for seq in range(1, 7):
-        board.post(FRONT, waiting(seq))
+        frame_queue.post(FRONT, waiting(seq))
         if seq == 3:
-            board.post(REAR, waiting(seq))
-        served.append(board.take(1)[0][0])
+            frame_queue.post(REAR, waiting(seq))
+        served.append(frame_queue.take(1)[0][0])
     assert served == [REAR, FRONT, REAR, FRONT, FRONT, FRONT]
 
 
 def test_of_60_hz_and_5_hz_at_20_a_second_the_slow_one_loses_nothing() -> None:
-    board = FrameQueue()
+    frame_queue = FrameQueue()
     served = []
     for tick in range(600):
-        board.post(FRONT, waiting(tick))
+        frame_queue.post(FRONT, waiting(tick))
         if tick % 12 == 0:
-            assert board.post(REAR, waiting(tick)) == 0
+            assert frame_queue.post(REAR, waiting(tick)) == 0
         if tick % 3 == 0:
-            served += [key for key, _ in board.take(1)]
+            served += [key for key, _ in frame_queue.take(1)]
     assert (served.count(REAR), len(served)) == (50, 200)
 
 
 def test_a_batch_is_of_different_cameras_those_served_longest_ago_first() -> None:
-    board = FrameQueue()
+    frame_queue = FrameQueue()
     for key in (FRONT, REAR, SIDE):
-        board.post(key, waiting(0))
-    assert [key for key, _ in board.take(2)] == [FRONT, REAR]
-    board.post(FRONT, waiting(1))
-    board.post(REAR, waiting(1))
-    assert [key for key, _ in board.take(2)] == [SIDE, FRONT]
-    assert board.by_turn([SIDE, FRONT, REAR]) == [REAR, SIDE, FRONT]
+        frame_queue.post(key, waiting(0))
+    assert [key for key, _ in frame_queue.take(2)] == [FRONT, REAR]
+    frame_queue.post(FRONT, waiting(1))
+    frame_queue.post(REAR, waiting(1))
+    assert [key for key, _ in frame_queue.take(2)] == [SIDE, FRONT]
+    assert frame_queue.by_turn([SIDE, FRONT, REAR]) == [REAR, SIDE, FRONT]
 
 
 def test_what_is_too_old_is_taken_down_and_its_camera_keeps_its_turn() -> None:
-    board = FrameQueue()
+    frame_queue = FrameQueue()
     for key in (FRONT, REAR):
-        board.post(key, waiting(0))
-    board.take(1)
-    board.post(FRONT, waiting(5))
-    assert board.expire(10, 9) == [REAR]
-    board.post(REAR, waiting(11))
-    assert [key for key, _ in board.take(2)] == [REAR, FRONT]
+        frame_queue.post(key, waiting(0))
+    frame_queue.take(1)
+    frame_queue.post(FRONT, waiting(5))
+    assert frame_queue.expire(10, 9) == [REAR]
+    frame_queue.post(REAR, waiting(11))
+    assert [key for key, _ in frame_queue.take(2)] == [REAR, FRONT]
 
 
 @pytest.mark.parametrize(("late_ns", "expired"), [(0, []), (4, []), (5, [FRONT])])
 def test_how_late_a_frame_came_counts_to_its_age(late_ns: int, expired: list[CameraKey]) -> None:
-    board = FrameQueue()
-    board.post(FRONT, waiting(0, late_ns))
-    assert board.expire(6, 10) == expired
+    frame_queue = FrameQueue()
+    frame_queue.post(FRONT, waiting(0, late_ns))
+    assert frame_queue.expire(6, 10) == expired
 
 
 def test_a_clock_that_is_set_back_makes_no_frame_younger() -> None:
@@ -79,41 +83,41 @@ def test_a_clock_that_is_set_back_makes_no_frame_younger() -> None:
 
 
 async def test_waiting_for_a_frame_survives_cancellation() -> None:
-    board = FrameQueue()
-    cancelled = asyncio.create_task(board.filled(1, 0))
+    frame_queue = FrameQueue()
+    cancelled = asyncio.create_task(frame_queue.filled(1, 0))
     await asyncio.sleep(0)
     cancelled.cancel()
     with pytest.raises(asyncio.CancelledError):
         await cancelled
-    filled = asyncio.create_task(board.filled(1, 0))
+    filled = asyncio.create_task(frame_queue.filled(1, 0))
     await asyncio.sleep(0)
     assert not filled.done()
-    board.post(FRONT, waiting(0))
+    frame_queue.post(FRONT, waiting(0))
     await filled
 
 
 async def test_a_fuller_board_is_waited_for_until_it_is_full() -> None:
-    board = FrameQueue()
-    board.post(FRONT, waiting(0))
-    filled = asyncio.create_task(board.filled(2, 60))
+    frame_queue = FrameQueue()
+    frame_queue.post(FRONT, waiting(0))
+    filled = asyncio.create_task(frame_queue.filled(2, 60))
     await asyncio.sleep(0)
-    board.post(FRONT, waiting(1))
+    frame_queue.post(FRONT, waiting(1))
     await asyncio.sleep(0.01)
     assert not filled.done()
-    board.post(REAR, waiting(1))
+    frame_queue.post(REAR, waiting(1))
     await filled
 
 
 async def test_a_fuller_board_is_not_waited_for_longer_than_it_is_worth() -> None:
-    board = FrameQueue()
-    board.post(FRONT, waiting(0))
+    frame_queue = FrameQueue()
+    frame_queue.post(FRONT, waiting(0))
     async with asyncio.timeout(60):
-        await board.filled(2, 0.01)
+        await frame_queue.filled(2, 0.01)
 
 
 def test_a_discarded_camera_has_nothing_waiting() -> None:
-    board = FrameQueue()
-    board.post(FRONT, waiting(0))
-    assert [board.discard(FRONT), board.discard(FRONT)] == [1, 0]
-    board.post(REAR, waiting(1))
-    assert board.take(9) == [(REAR, waiting(1))]
+    frame_queue = FrameQueue()
+    frame_queue.post(FRONT, waiting(0))
+    assert [frame_queue.discard(FRONT), frame_queue.discard(FRONT)] == [1, 0]
+    frame_queue.post(REAR, waiting(1))
+    assert frame_queue.take(9) == [(REAR, waiting(1))]

@@ -12,8 +12,8 @@ from schemas.tuning import Tuning
 from services.detector import fleet_model
 from services.detector.fleet_model import FleetModel, LoadedModel
 from services.detector.model import (
-    SILENT,
-    SILENT_OF_POSES,
+    NO_MASKS,
+    NO_MASKS_OF_POSES,
     DetectedObjects,
     Failed,
     ModelError,
@@ -133,11 +133,11 @@ def test_it_says_of_both_models_what_there_is_to_say() -> None:
     model.change(model.in_force, loaded(ClosableModel("tote", "box", max_batch=2), "b"), ["r1"])
     model.notes = ("c is refused",)
     assert (model.classes, model.max_batch, model.remarks) == (("box", "pallet", "tote"), 2, ("c is refused",))
-    old.remarks = (f"a has no masks: {SILENT}", "another remark")
-    without = "a has no masks: no masks are drawn, distances and objects are silent"
+    old.remarks = (f"a has no masks: {NO_MASKS}", "another remark")
+    without = "a has no masks: no masks are drawn, distances and objects are not published"
     assert model.remarks == ("c is refused", without, "another remark")
-    old.remarks = (f"a has no masks: {SILENT_OF_POSES}",)
-    assert model.remarks[1] == "a has no masks: no masks are drawn, and objects are silent"
+    old.remarks = (f"a has no masks: {NO_MASKS_OF_POSES}",)
+    assert model.remarks[1] == "a has no masks: no masks are drawn, and objects are not published"
     assert msgspec.structs.asdict(model.tuning) == msgspec.structs.asdict(Tuning())
 
 

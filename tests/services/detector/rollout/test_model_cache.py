@@ -165,7 +165,7 @@ async def test_models_are_kept_where_nobody_else_can_write(tmp_path: Path, caplo
     assert [each.stat().st_mode & 0o022 for each in made] == [0, 0, 0, 0]
     cache.path(SITE).chmod(0o664)
     assert not cache.holds(SITE)
-    assert f"a model is fetched again: others could exchange it: {cache.path(SITE)} can be written by its group" in (
+    assert f"a cached model that others may write is fetched again: {cache.path(SITE)} can be written by its group" in (
         caplog.text
     )
     await fill(cache)

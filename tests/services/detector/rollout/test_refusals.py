@@ -90,7 +90,7 @@ def test_a_folder_that_cannot_be_written_is_no_failure(tmp_path: Path, caplog: p
     (tmp_path / "file").touch()
     known = started(tmp_path / "file")
     known.trying(A)
-    assert "a model that ends this process will be tried again" in caplog.text
+    assert "if this model ends the process, it will be tried again" in caplog.text
     known.refuse(A, "no memory")
     known.works(A)
     assert known.why(A, blind=False) is None

@@ -104,8 +104,8 @@ def test_what_does_not_run_is_said_and_left_out(tmp_path: Path, caplog: pytest.L
         chosen, _ = choose(maker([], "onnx", "openvino"), place(tmp_path), BLANK, MACHINE.clock)
     assert chosen == "torch"
     assert [record.getMessage() for record in caplog.records] == [
-        "not with --runtime openvino: it does not run here",
-        "not with --runtime onnx: it does not run here",
+        "--runtime openvino does not work here: it does not run here",
+        "--runtime onnx does not work here: it does not run here",
     ]
 
 
@@ -118,7 +118,9 @@ def test_what_was_remembered_and_no_longer_runs_is_left_out_with_a_warning(
         chosen, _ = choose(maker(asked, QUICK), place(tmp_path), BLANK, MACHINE.clock)
     assert chosen in {"openvino", "torch"}
     assert asked == [QUICK, "openvino", "torch"]
-    assert [record.getMessage() for record in caplog.records] == ["not with --runtime onnx: it does not run here"]
+    assert [record.getMessage() for record in caplog.records] == [
+        "--runtime onnx does not work here: it does not run here"
+    ]
     assert choose(maker([]), place(tmp_path), BLANK, MACHINE.clock)[0] == chosen
 
 
@@ -193,6 +195,17 @@ def test_it_is_said_by_how_much_a_runtime_is_faster(tmp_path: Path, caplog: pyte
     assert [record.getMessage() for record in caplog.records] == [
         "onnx is the fastest here, the next takes 25% longer: openvino 100 ms, onnx 80 ms, torch 200 ms"
     ]
+
+
+def test_it_is_said_why_int8_that_is_faster_is_not_taken(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    machine = Machine()
+    made: dict[Runtime, Slow] = {"openvino": Slow(machine, 0.1), "openvino-int8": Slow(machine, 0.094)}
+    with caplog.at_level(logging.INFO):
+        assert chosen(tmp_path, made, machine) == "openvino"
+    (said,) = (record.getMessage() for record in caplog.records)
+    times = "openvino 100 ms, openvino-int8 94 ms"
+    assert said.startswith("openvino is the fastest here, but for openvino-int8, which saves 6%: less than the 10%")
+    assert said.endswith(f"is taken: {times}")
 
 
 @pytest.mark.parametrize(("age_s", "measured"), [(KEPT_BUSY_S - 60, 1), (KEPT_BUSY_S + 60, 2)])

@@ -75,7 +75,7 @@ def test_the_shipped_export_finds_what_the_shipped_weights_find(
 
 
 def test_int8_networks_find_the_classes_that_the_shipped_weights_find(
-    view: NDArray[np.uint8], expected: list[Detection], model_folder: Path
+    view: NDArray[np.uint8], expected: list[Detection], model_folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     found = found_by(SHIPPED_EXPORT, view, model_folder, runtime="openvino-int8")
     assert {each.name for each in found} == {each.name for each in expected}
@@ -86,6 +86,7 @@ def test_int8_networks_find_the_classes_that_the_shipped_weights_find(
     assert same.name == best.name
     assert abs(same.score - best.score) < 2 * MAX_SCORE_GAP
     assert all(each.mask is not None and each.mask.quality is not None for each in found)
+    assert "masks are not refined in INT8" not in caplog.text
 
 
 def test_int8_networks_are_no_choice_where_they_are_not_wanted_or_not_there(tmp_path: Path) -> None:
@@ -122,7 +123,10 @@ def test_masks_stay_coarse_where_they_are_not_to_be_refined(view: NDArray[np.uin
     assert all(each.mask is not None and each.mask.quality is None for each in found)
 
 
-def test_a_process_with_an_exported_model_imports_no_torch(view: NDArray[np.uint8], tmp_path: Path) -> None:
+@pytest.mark.parametrize("runtime", ["onnx", "openvino-int8"])
+def test_a_process_with_an_exported_model_imports_no_torch(
+    view: NDArray[np.uint8], tmp_path: Path, runtime: str
+) -> None:
     np.save(tmp_path / "view.npy", view)
     script = (
         "import sys; from pathlib import Path; import numpy as np\n"
@@ -130,7 +134,7 @@ def test_a_process_with_an_exported_model_imports_no_torch(view: NDArray[np.uint
         "from services.detector.settings import DetectorSettings\n"
         f"folder = Path({str(tmp_path)!r})\n"
         "model = Path(DetectorSettings(device='cpu').model)\n"
-        "print(len(found_by(model, np.load(folder / 'view.npy'), folder, runtime='onnx')))\n"
+        f"print(len(found_by(model, np.load(folder / 'view.npy'), folder, runtime={runtime!r})))\n"
         "print([each for each in ('torch', 'ultralytics') if each in sys.modules])\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
@@ -305,6 +309,10 @@ def test_where_the_refiner_does_not_work_in_int8_it_does_in_single_precision(
         ),
         ({"device": "cuda:0"}, "--device cuda:0: ONNX Runtime has no GPU here"),
         ({"device": "tpu"}, "--device tpu: exported models run on cpu or cuda:0"),
+        (
+            {"device": "cuda:0", "runtime": "openvino-int8"},
+            "--device cuda:0: --runtime openvino-int8 computes on the processor; leave --device out",
+        ),
         ({"nms": False}, "the head that it was exported with needs NMS"),
     ],
 )

@@ -9,6 +9,7 @@ from schemas.keys import CameraKey
 from services.detector.model import DetectedObjects, Request
 from services.detector.runtime.loading import load
 from services.detector.runtime.pipeline import Pipeline
+from services.detector.runtime.refinement.refiner import CloseUps
 from services.detector.settings import SHIPPED_MODEL
 from tests.services.detector.runtime.test_loading import settings
 from tests.services.detector.support.requests import frame_of
@@ -65,6 +66,27 @@ def test_a_refiner_that_does_not_work_under_a_runtime_works_under_torch(
     model = load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics")
     assert caplog.messages == ["masks are refined under torch: onnx cannot: no such operator"]
     assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
+
+
+def test_on_a_gpu_masks_are_refined_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    import torch  # noqa: PLC0415 - as above
+
+    from services.detector.runtime import torch_loading  # noqa: PLC0415 - as above
+    from services.detector.runtime.refinement.network import RefinerNetwork  # noqa: PLC0415 - as above
+
+    made: list[torch.device] = []
+
+    class OnGpu:
+        def __init__(self, _: RefinerNetwork, device: torch.device) -> None:
+            made.append(device)
+
+        def run(self, seen: CloseUps) -> None:
+            assert len(seen.labels) == 1
+
+    monkeypatch.setattr(torch_loading, "TorchRefiner", OnGpu)
+    device, network = torch.device("cuda", 0), RefinerNetwork(prototypes=4, classes=1)
+    assert isinstance(torch_loading._refiner(network, device, 1), OnGpu)
+    assert made == [device]
 
 
 def computes_in_bfloat16() -> bool:

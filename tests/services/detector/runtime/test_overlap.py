@@ -4,7 +4,9 @@ import pytest
 from numpy.typing import NDArray
 
 from schemas.detections import Box, Detection
-from services.detector.runtime.overlap import NEAR, at_border, boxes_of, difference, ious, overlaps
+from services.detector.runtime.masks import encode_all
+from services.detector.runtime.overlap import NEAR, Comparison, at_border, boxes_of, difference, ious, overlaps
+from services.geometry.masks import Window
 
 SIZE = (640, 480)
 INSIDE = np.zeros((1, 4), np.bool_)
@@ -89,3 +91,54 @@ def test_what_is_hardly_sure_enough_may_be_found_by_one_alone(confidence: float,
 
 def test_nothing_is_nothing() -> None:
     assert difference([], [], 0.25) is None
+
+
+def found(name: str = "box", *, score: float = 0.9, right: float = 100, columns: int = 100) -> Detection:
+    """Return an object whose box is 100 pixels high, with a mask of as many columns."""
+    (mask,) = encode_all([Window(0, 0, np.ones((100, columns), np.bool_))], 480, 640)
+    label = {"box": 0, "pallet": 1}[name]
+    return Detection(name=name, score=score, box=Box(0, 0, right, 100), mask=mask, label=label)
+
+
+def compared(ours: list[Detection], theirs: list[Detection], *, alike: int = 199) -> Comparison:
+    """Return a comparison of one picture, and of so many others in which both find the same."""
+    comparison = Comparison()
+    comparison.add(ours, theirs)
+    for _ in range(alike):
+        comparison.add([found()], [found()])
+    return comparison
+
+
+def test_two_models_that_find_nearly_the_same_pass() -> None:
+    assert compared([found()], [found(right=90, columns=90)]).too_different() is None
+    assert compared([found("pallet")], []).too_different() is None
+    faint = [found(score=0.3, right=20 * n) for n in range(1, 6)]
+    assert compared([found(), *faint], [found()], alike=99).too_different() is None
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "alike", "said"),
+    [
+        ([found()], [found("pallet")], 1, "of 2 pictures 1 get other classes, at most 1 in 100 may"),
+        (
+            [found(), found(right=30), found(right=10)],
+            [found()],
+            97,
+            "of 198 clear objects 2 are found by one alone, at most 1 in 100 may",
+        ),
+        ([found()], [found(), found(right=30)], 1, "of 5 clear objects 1 are found by one alone"),
+        ([found()], [found(right=80)], 1, "boxes of the same objects have an IoU of 0.90, not 0.95"),
+        ([found()], [found(columns=60)], 1, "masks of the same objects have an IoU of 0.80, not 0.95"),
+    ],
+)
+def test_two_models_that_find_much_else_do_not_pass(
+    ours: list[Detection], theirs: list[Detection], alike: int, said: str
+) -> None:
+    assert (compared(ours, theirs, alike=alike).too_different() or "").startswith(said)
+
+
+def test_pictures_with_few_objects_are_no_comparison() -> None:
+    comparison = compared([found()], [found()], alike=0)
+    for _ in range(5):
+        comparison.add([], [])
+    assert comparison.too_different() == "the model finds objects in 1 of 6 pictures, too few to compare"

@@ -108,7 +108,7 @@ async def test_rounding_is_no_difference(caplog: pytest.LogCaptureFixture) -> No
 async def test_a_model_without_masks_says_what_will_be_silent() -> None:
     model = pipeline(BrightEngine())
     assert not model.segments
-    assert "overlay/segmentation, distances and objects are silent" in model.remarks[0]
+    assert "overlay/segmentation, distances and objects are not published" in model.remarks[0]
     (outcome,) = await model.infer([replace(grey(255), masks=True)])
     assert isinstance(outcome, DetectedObjects)
     assert [each.mask for each in outcome.objects] == [None]

@@ -219,7 +219,7 @@ def test_what_is_silent_is_said_of_poses(files: dict[str, Path], model_folder: P
     chosen = {"model": str(built_file("yolo11n-pose.yaml", files)), "runtime": "torch", "device": "cpu"}
     model = load(DetectorSettings.model_validate(chosen), model_folder / "ultralytics")
     model.close()
-    assert model.remarks == ("yolo11n-pose-built.pt has no masks: overlay/segmentation and objects are silent",)
+    assert model.remarks == ("yolo11n-pose-built.pt has no masks: overlay/segmentation and objects are not published",)
 
 
 def test_settings_choose_among_classes_of_a_whole_image(files: dict[str, Path], model_folder: Path) -> None:

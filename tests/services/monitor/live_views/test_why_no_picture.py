@@ -14,7 +14,7 @@ BOXES_ONLY = WorkerStatus(
     worker="w1",
     model="m",
     sent_ns=1,
-    remarks=["m.pt has no masks: overlay/segmentation, distances and objects are silent"],
+    remarks=["m.pt has no masks: overlay/segmentation, distances and objects are not published"],
 )
 MODELLESS = WorkerStatus(service="detector", worker="w2", model="", sent_ns=1, remarks=["no model is in force: ..."])
 GOOD = Facts(known=True, robot_online=True, camera_online=True, serving=(WORKER,), workers=(WORKER,))
