@@ -106,6 +106,7 @@ def test_each_image_has_a_bill_of_materials_of_what_it_has_and_no_more(dist: Pat
         "lapx": {"space", "detector", "detector-cpu"},
         "torch": {"detector"},
         "onnxruntime": {"detector", "detector-cpu"},
+        "openvino": {"detector", "detector-cpu"},
         "pytest": set(),
     }.items():
         assert {target for target, has in found.items() if name in has} == targets, name

@@ -16,7 +16,7 @@ EXTRAS: Final = {target: extras for target, extras in ALL_EXTRAS.items() if targ
 """The same without the detector's for GPUs: its torch alone has more bytes than all of these."""
 
 REVISION: Final = "0123456789abcdef0123456789abcdef01234567"
-LARGEST_MB: Final = {"gateway": 350, "detector-cpu": 600}
+LARGEST_MB: Final = {"gateway": 350, "detector-cpu": 800}
 """Size of an image at most."""
 
 PEERS: Final = ("postgresql", "prometheus")
