@@ -13,7 +13,7 @@ from services.geometry.rotation import matrix_of
 
 CELL_M: Final = 1.0
 STEP: Final = 2
-"""Every so manieth column and row of a view's grid is a look."""
+"""Every n-th column and row of a view's grid is a look."""
 
 LOW_M: Final = 0.35
 """What is lower counts as floor."""

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from schemas.distances import CameraView
 from services.worldmodel.association import Assignment, assign, close, displaced, near, once_each
+from services.worldmodel.class_names import NAMED_NS, Vocabulary
 from services.worldmodel.classes import Classes
 from services.worldmodel.events import Event
-from services.worldmodel.evidence import FARTHEST_M, NAMED_NS, Looks, Vocabulary, floor_levels, look
+from services.worldmodel.evidence import FARTHEST_M, Looks, look
+from services.worldmodel.floor_levels import floor_levels
 from services.worldmodel.frames import Frames, rounds
 from services.worldmodel.fusion import draw_to_poses, fuse, is_compound
 from services.worldmodel.motion import drifts, move, moves
-from services.worldmodel.names import CameraName, Numbers
+from services.worldmodel.name_limits import CameraName, NameNumbers
 from services.worldmodel.object_lifecycle import ObjectLifecycle, Rules, gain, note_seers
 from services.worldmodel.objects import Index, Objects
 from services.worldmodel.offsets import RIGHT, Offsets
@@ -64,8 +66,8 @@ class SiteModel:
         self.rules = rules or Rules()
         self.classes = classes or Classes()
         self.offsets = Offsets(self.rules.localisation)
-        self.robots = Numbers("")
-        self.cameras = Numbers(("", ""))
+        self.robots = NameNumbers("")
+        self.cameras = NameNumbers(("", ""))
         self.left_out: Counter[tuple[str, str]] = Counter()
         self._identify = identify
         self.views = 0
