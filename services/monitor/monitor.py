@@ -13,7 +13,6 @@ from schemas.alerts import Alert, AlertState
 from schemas.worker_keys import DETECTOR, OPINION
 from services.model_registry.serving import ModelService
 from services.monitor.alerting.alerting import Alerting
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY
 from services.monitor.event_loop import CachedValue, in_turns
 from services.monitor.fleet import Fleet
@@ -25,6 +24,7 @@ from services.monitor.inventory.inventory import Entry
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.rules.loading import remarks
 from services.monitor.rules.model import RuleBook, WorldRule
+from services.monitor.rules.rule_file import RuleFile
 from services.monitor.settings import MonitorSettings
 from services.monitor.snapshot import FleetView, Snapshot, SnapshotMaker, Workers, known_until_ns
 from services.monitor.warehouses.centre_link import CentreLink

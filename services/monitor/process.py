@@ -21,7 +21,6 @@ from schemas.status import GatewayStatus, WorkerStatus
 from schemas.world import SiteStatus
 from services.model_registry.serving import ModelService, serving_models
 from services.monitor.alerting.alerting import Alerting
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.display import Problems, show
 from services.monitor.event_loop import AT_ONCE, arrivals_in_turns, in_turns, keep_collections_short
 from services.monitor.fleet import Fleet
@@ -38,6 +37,7 @@ from services.monitor.map.floor_plan import load_floor_plan
 from services.monitor.monitor import Monitor
 from services.monitor.requests import answer_inventory, measure_clocks
 from services.monitor.robot_clocks import Arrival, ClockHoldback
+from services.monitor.rules.rule_file import RuleFile
 from services.monitor.settings import MonitorSettings
 from services.monitor.warehouses.reporting import report_to_centre
 from services.monitor.web.auth.store import UserStore, users_url

@@ -45,21 +45,15 @@ JUMP_M_S: Final = 4.0
 
 JUMP_M: Final = 0.5
 TRUST_VIEWS: Final = 3
-"""Fitting views before a doubted robot is trusted again.
-
-As many contradicting views make a robot doubted. That is fewer than the looks past a well-known object that remove it,
-so a lost robot is doubted first.
-"""
+"""Fitting views before a doubted robot is trusted again. As many contradicting views make it doubted: fewer than remove
+a well-known object, so a lost robot is doubted first."""
 
 ALONE_VIEWS_TO_TRUST: Final = 30
 """Views before a robot is trusted again after a jump into unknown territory, where no known object can confirm it."""
 
 OBJECTS_COUNTED_PER_VIEW: Final = 3
-"""Most objects of a view that change a robot's trust, by TRUST_PER_OBJECT each.
-
-A fitting view counts the objects that it finds; a contradicting one those that it should show, or, where no other robot
-saw the missed ones, those that it misses.
-"""
+"""Most objects of a view that change trust, by TRUST_PER_OBJECT each: of a fitting view the found ones, of others those
+that it should show, or, where no other robot saw the missed ones, these."""
 
 TRUST_PER_OBJECT: Final = ALONE_VIEWS_TO_TRUST // OBJECTS_COUNTED_PER_VIEW
 MOST_TRUST: Final = TRUST_VIEWS * ALONE_VIEWS_TO_TRUST
@@ -68,11 +62,8 @@ FIRST_TRUST: Final = ALONE_VIEWS_TO_TRUST
 
 PENALTY_PER_NEW_OBJECT: Final = 5
 MOST_NEW_OBJECTS_COUNTED: Final = 2
-"""Trust that an unsure robot loses for each unknown object in a contradicting view, and how many of them count.
-
-Three views of two objects use up its trust, before these are confirmed. Views of a single one do not: it may be new,
-and is known soon.
-"""
+"""Trust that an unsure robot loses for each unknown object in a contradicting view, and how many of them count. Three
+views of two objects use up its trust before these are confirmed; a single object may be new, and is known soon."""
 
 MIN_FOUND_SHARE: Final = 0.34
 """A view fits if it finds at least this share of the objects that it should show."""

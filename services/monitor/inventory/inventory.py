@@ -39,7 +39,7 @@ class TrustLimits:
 
 
 class Entry(msgspec.Struct, frozen=True, gc=False):
-    """A sighting, and whether it is current: its robot is online and its camera is live."""
+    """A sighting, and whether its camera is available, so that it is current."""
 
     sighting: Sighting
     available: bool

@@ -10,7 +10,6 @@ import pytest
 from schemas.distances import CameraView
 from services.worldmodel import model as model_module
 from services.worldmodel import offsets as offsets_module
-from services.worldmodel.floor_levels import FloorLevels
 from services.worldmodel.model import SiteModel
 from services.worldmodel.offsets import ALONE_VIEWS_TO_TRUST, CHANGED_VIEWS, LOST, REASONS, RIGHT, WRONG_DEPTH
 from services.worldmodel.state import restored, saved
@@ -290,26 +289,6 @@ def test_a_few_views_that_show_a_pit_do_not_lower_the_floor(pits: int) -> None:
     assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS_TO_TRUST, start_s=50.0, drives=True) == ["gone"] * len(
         TWO
     )
-
-
-def test_a_floor_that_was_deep_for_long_comes_back() -> None:
-    floors, one = FloorLevels(), np.zeros(1, np.intp)
-    for level, views, known_m in (
-        (0.0, 1, 0.0),
-        (-3.0, 20, -3.0),
-        (np.nan, 9, -3.0),
-        (-np.inf, 9, -3.0),
-        (0.1, 5, 0.1),
-    ):
-        for _ in range(views):
-            floors.learn(one, np.array([level]))
-        assert floors.known.tolist() == [known_m]
-
-
-def test_a_floor_is_not_known_before_a_view_fits() -> None:
-    floors, one = FloorLevels(), np.zeros(1, np.intp)
-    for level in (0.0, -9.0, np.inf):
-        assert [each.tolist() for each in floors.compare(one, np.array([level]))] == [[False], [False]]
 
 
 def test_where_the_maps_zero_is_below_the_floor_one_that_is_unsure_sees_what_is_gone() -> None:
