@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.to_bus.shaping.frame_rates import SAME_NS, UNMATCHED_LIMIT, Instants, StreamRate
-from gateway.to_bus.shaping.token_bucket import SECOND_NS
+from gateway.to_bus.shaping.frame_rates import SAME_NS, SECOND_NS, UNMATCHED_LIMIT, Instants, StreamRate
 
 MS = 1_000_000
 BEGIN = 1_700_000_000_000 * MS
