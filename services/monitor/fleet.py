@@ -20,11 +20,11 @@ from services.monitor.inventory.member_limit import MAX_MEMBERS, check_room, fir
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.liveness import STALE_S, WORKER_ONLINE_NS, CameraLiveness, camera_state, is_stale
 from services.monitor.map.last_seen import SightingMap
-from services.monitor.map.sites import Sites
 from services.monitor.robot_clocks import MAX_LAG_NS, Clocks
 from services.monitor.status_bytes import StatusBytes
 from services.monitor.warehouses.reports import Warehouses
 from services.monitor.world.site_objects import World
+from services.monitor.world.site_status import Sites
 
 RATE_WINDOW_S: Final = 5.0
 MAX_AGES: Final = 100_000

@@ -14,7 +14,8 @@ from schemas.worker_keys import DETECTOR, OPINION
 from services.model_registry.serving import ModelService
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY
-from services.monitor.event_loop import CachedValue, in_turns
+from services.monitor.event_loop.cached_value import CachedValue
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive, HistoryQuery

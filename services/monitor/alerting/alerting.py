@@ -14,7 +14,7 @@ from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.alerting.delivery import Delivery
 from services.monitor.alerting.webhooks import Outcome
-from services.monitor.event_loop import in_turns
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.history.state import Act
 from services.monitor.inventory.availability import AbsenceTracker, AvailabilityTracker
 from services.monitor.inventory.camera import CameraView

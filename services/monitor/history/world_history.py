@@ -7,8 +7,8 @@ from msgspec.structs import replace
 
 from schemas.world import ChangeKind, WorldChange
 from services.monitor.history.interval_buffer import IntervalBuffer, StoredInterval
-from services.monitor.map.sites import Sites
 from services.monitor.world.site_objects import SITE, World
+from services.monitor.world.site_status import Sites
 
 NS: Final = 1_000_000_000
 

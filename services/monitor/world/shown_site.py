@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
 
-from services.monitor.map.sites import KnownSite, Sites
 from services.monitor.world.site_objects import SiteObjects, World
+from services.monitor.world.site_status import KnownSite, Sites
 
 NS: Final = 1_000_000_000
 KEPT_NS: Final = 60 * NS

@@ -8,8 +8,8 @@ from typing import Final
 import msgspec
 
 from schemas.world import ChangeKind, SiteStatus, WorldChange, WorldChanges, WorldObject
-from services.monitor.map.sites import Sites
 from services.monitor.world.floor import ZoneFloor
+from services.monitor.world.site_status import Sites
 from services.monitor.world.zones import Zone, ZoneCount, ZoneFinder
 
 MAX_SITE_OBJECTS: Final = 100_000

@@ -31,8 +31,8 @@ from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.page.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.page.sights import robot_on
 from tests.integration.services.test_worldmodel import SITE, THINGS, Robots, start
-from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.serving import Served, served
+from tests.services.monitor.world.test_site_status import status as site_status
 from tests.waiting import PATIENCE_S, until
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]

@@ -10,9 +10,8 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Path, Request, Response
 
 from schemas.keys import CameraKey
-from services.monitor.event_loop import in_turns
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.inventory.inventory import Entry, Inventory
-from services.monitor.map.sites import KnownSite
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import WorkerLine
 from services.monitor.web.api.bodies import (
@@ -29,6 +28,7 @@ from services.monitor.web.api.bodies import (
 from services.monitor.web.api.models import CameraAnswer, GatewayAnswer, Page, RobotAnswer, SightingAnswer, WorkerAnswer
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, operator_of, page_of, place_of
 from services.monitor.web.api.world_models import SiteAnswer, ZoneAnswer
+from services.monitor.world.site_status import KnownSite
 from services.monitor.world.zones import ZoneCount
 
 PLACE: Final = attrgetter("robot", "camera")

@@ -12,7 +12,7 @@ from fastapi import Depends, FastAPI, Request
 from fastapi.responses import HTMLResponse
 from nicegui import ui
 
-from services.monitor.event_loop import pause
+from services.monitor.event_loop.cooperative_yielding import pause
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import HistoryError
 from services.monitor.monitor import Monitor

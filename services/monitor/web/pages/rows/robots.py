@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 from schemas.keys import CameraKey
-from services.monitor.event_loop import in_turns
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.fleet import Row
 from services.monitor.formats import cameras_in_order, natural, natural_camera
 from services.monitor.liveness import ROBOT_SILENT_NS, RobotState, robot_state
