@@ -220,7 +220,7 @@ async def _run(settings: GatewaySettings) -> int:
             returned=lambda camera, root: _camera_returns(settings, camera, root),
             max_message_bytes=settings.max_message_bytes,
         )
-        explorer = Explorer(node, settings.wishes(), settings.unused)
+        explorer = Explorer(node, settings.discovery_settings(), settings.unused)
         returns = [Return(stream) for stream in _robot_returns(settings, clock)]
         account = GatewayCounters(settings, boot_id, machine, node, clock, explorer, offers, returns)
         await explorer.begin(offers)

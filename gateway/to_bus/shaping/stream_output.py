@@ -127,13 +127,13 @@ class StreamOutput:
         key: SensorKey,
         publisher: Publisher,
         plan: OutputPlan,
-        workshop: EncoderPool | None = None,
+        encoder_pool: EncoderPool | None = None,
         pacer: Pacer | None = None,
     ) -> None:
         self._key = key
         self._publisher = publisher
         self._plan = plan
-        self._workshop = workshop
+        self._encoder_pool = encoder_pool
         self._pacer = pacer
         self._queue = None if pacer is None else PacedQueue(pacer, self._send)
         self._dropped: Counter[str] = Counter()
@@ -163,14 +163,14 @@ class StreamOutput:
         moment = None if self._pacer is None or may_be_last else self._plan.moment_of(frame.header)
         private = self._plan.private
         as_it_is = method.format == RAW and factor == 1 and not private
-        if self._workshop is None and private:
+        if self._encoder_pool is None and private:
             self.on_error(ShapingError("nothing here can blacken it"))
             return
-        if self._workshop is None or (as_it_is and not self._workshop.is_busy_for(self)):
+        if self._encoder_pool is None or (as_it_is and not self._encoder_pool.is_busy_for(self)):
             self._compression = frame.format
             self._pass_on(Pieces(*codec.encode_in_pieces(frame)), moment)
             return
-        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.submit(
+        self._dropped[REPLACED_BEFORE_SHAPING] += self._encoder_pool.submit(
             self, EncodeJob(frame, factor, method, moment, private)
         )
 
@@ -232,8 +232,8 @@ class StreamOutput:
 
     def close(self) -> None:
         """Stop sending, and count waiting messages as dropped."""
-        if self._workshop is not None:
-            self._dropped[ENDED] += self._workshop.leave(self)
+        if self._encoder_pool is not None:
+            self._dropped[ENDED] += self._encoder_pool.leave(self)
         if self._pacer is not None:
             self._dropped[ENDED] += self._pacer.discard(self)
         if self._queue is not None:
