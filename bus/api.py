@@ -288,7 +288,7 @@ class Bus(Protocol):
     ) -> AbstractAsyncContextManager[None]:
         """Answer requests for the keys of an expression until the context ends, which cancels the handlers.
 
-        At most `at_once` handlers run and `waiting` requests wait for one, the longest first; whoever comes then is
+        At most `at_once` handlers run and `waiting` requests wait for one, the longest first; further requests are
         refused at once. A key that several members serve is answered by one of them; the other takes over when it goes.
         Entering raises BusError where this bus serves keys of the expression already.
         """

@@ -80,7 +80,7 @@ def giving_way() -> Iterator[None]:
     """Run this thread and its children under SCHED_BATCH, so that they preempt no program when they wake up.
 
     They wait for a processor that is idle, or until another program's turn is over, which takes milliseconds. That also
-    keeps the threads of a gateway from interrupting each other: sending an image then takes fewer turns. What has been
+    keeps the threads of a gateway from interrupting each other: sending an image then takes fewer turns. A gateway
     started under another policy than the usual one keeps it.
     """
     gives_way = _changed(os.SCHED_OTHER, os.SCHED_BATCH)

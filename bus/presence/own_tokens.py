@@ -45,8 +45,8 @@ class OwnTokens:
     def declare(self, session: zenoh.Session) -> None:
         """Show tokens on this session from now on.
 
-        What was listed on the last one is expected to be shown again and so listed at once: who follows publishers'
-        caches knows of them before anything comes live. A cache's key has its session's id.
+        Tokens listed on the last session are expected to be shown again, and so are listed at once: subscribers know of
+        publishers' caches before any message arrives. A cache's key has its session's id.
         """
         before, self._id = self._id, str(session.zid())
         self._expected = [key.replace(f"/{before}/", f"/{self._id}/") for key in self._listed]

@@ -30,7 +30,7 @@ looks at.
 class Forward:
     """A stream offered on the bus.
 
-    subscription and latched: there while it is subscribed on ROS; what they counted is the stream's afterwards.
+    subscription and latched: there while it is subscribed on ROS; their counts are added to the stream's afterwards.
     broken_before: what the subscription counted for others before it became the stream's too.
     """
 

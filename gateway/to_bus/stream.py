@@ -264,7 +264,7 @@ class StreamForward:
         """Return the stream's status, which accounts for every message.
 
         replaced: how many payloads a newer one replaced before the link. output: what became of them before that.
-        These and `broken_links` are about what goes on now; what was told to `retire` is added. now_ns: as `take` has
+        These and `broken_links` are about what goes on now; counts given to `retire` are added. now_ns: as `take` has
         it.
         """
         shaped = self._shaped + (output or OutputCounts())

@@ -196,7 +196,7 @@ class Fleet:
         """Take a class list that arrived at `received_ns` (epoch) and `now_s` (any steady clock).
 
         Returns:
-            What changed in the inventory; None for a list about a frame that is not newer than the camera's last one.
+            The changes of the inventory; None for a list about a frame that is not newer than the camera's last one.
         """
         key = camera_key(seen.header.robot, seen.header.camera)
         lag_ns = self._lag_ns(seen.header, received_ns)

@@ -176,7 +176,7 @@ class Monitor:
 
     @property
     def open_to_all(self) -> str:
-        """What anybody may do who reaches the router inside this monitor, or empty."""
+        """A warning if anybody who reaches the router inside this monitor may use it, or empty."""
         return OPEN if open_endpoints(self.settings) else ""
 
     def problems(self) -> list[str]:

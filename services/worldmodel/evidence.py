@@ -1,4 +1,4 @@
-"""What views say of objects that they do not show: hidden, out of view, looked past, or there but missed. Pure."""
+"""Whether objects that views do not show are hidden, out of view, looked past, or there but missed. Pure."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -40,8 +40,8 @@ ASIDE: Final = 0.6
 LEVELS: Final = (0.35, 0.75, 0.95)
 """Where on its near side an object is probed: in the middle and so far aside, at these shares of its height.
 
-What is behind the upper edge of low things is the farthest, so that level tells the most of them. As it may miss an
-object, an object is in plain view where the levels below it are.
+The background behind the upper edge of low objects is the farthest, so that level tells the most about them. As it may
+miss an object, an object is in plain view where the levels below it are.
 """
 
 PROBES: Final = 3 * len(LEVELS)

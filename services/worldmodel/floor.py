@@ -16,7 +16,7 @@ STEP: Final = 2
 """Every n-th column and row of a view's grid is a look."""
 
 LOW_M: Final = 0.35
-"""What is lower counts as floor."""
+"""Lower points count as floor."""
 
 FARTHEST_M: Final = 12.0
 WIDEST_M: Final = 60.0

@@ -50,9 +50,9 @@ _MORE_CAMERAS: Final = 256
 
 
 class SiteModel:
-    """One site's objects. Nothing that views say makes it raise; what is left out is counted by robot and reason.
+    """One site's objects. No content of views makes it raise; sightings left out are counted by robot and reason.
 
-    Of robots that were forgotten it is counted without their names.
+    Those of forgotten robots are counted without their names.
 
     identify: told, of each view, the numbers of the objects that its detections belong to, by their `index`.
     """
@@ -117,7 +117,7 @@ class SiteModel:
         self._swept_ns = min(self._swept_ns, now_ns)
 
     def forget(self, robots: Collection[str], cameras: Collection[CameraName]) -> None:
-        """Forget robots and cameras: their numbers are for others from now on. What they saw stays."""
+        """Forget robots and cameras: their numbers are for others from now on. The objects that they saw stay."""
         robot_numbers, camera_numbers = (
             np.array(each, np.intp) for each in (self.robots.forget(robots), self.cameras.forget(cameras))
         )

@@ -138,7 +138,7 @@ class ObjectLifecycle:
         self._unconfirmed.forget(robots)
 
     def _allowed(self, frames: Frames, seen: Sightings, new: Rows) -> tuple[Rows, Rows]:
-        """Return the new objects that there is room for, and a row for each; what is left out is counted."""
+        """Return the new objects that there is room for, and a row for each; the others are counted."""
         frame = seen.frame[new]
         nth = np.arange(len(new)) - np.searchsorted(frame, frame)
         kept, rows = [], []

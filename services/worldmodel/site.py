@@ -178,8 +178,8 @@ class Site:
     def _take(self, told: Publisher, views: Sequence[tuple[CameraView, int]]) -> None:
         """Take views in, and tell what changed.
 
-        Whatever a view does that nobody expected, others count: each is then taken alone, and so are all later ones of
-        the robot whose view it was.
+        A view that raises an unexpected error does not cost the others: they are then taken one by one, and so are all
+        later ones of the robot whose view it was.
         """
         try:
             try:

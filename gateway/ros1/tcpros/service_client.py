@@ -60,7 +60,7 @@ class ServiceClient:
     ) -> ServiceAnswer:
         """Call a service by its global name; `*` in `expected` accepts any type.
 
-        `make_request` is given the service's type and returns the serialised request; what it raises ends the call
+        `make_request` is given the service's type and returns the serialised request; its exceptions end the call
         before the service is asked for anything.
 
         Raises:

@@ -215,8 +215,8 @@ class Instants:
     clocks at once or that run ahead of it, as those of a bag that is played fast, have no more frames sent.
 
     The stream with the first frame of an instant decides for all streams: whatever a stream missed, it sends
-    no frame whose instant another stream left out, nor the other way round. What is picked at a lower rate is picked at
-    a higher one too. A stream whose stamps are never those of the others is picked from by itself. Where streams are
+    no frame whose instant another stream left out, nor the other way round. Instants picked at a lower rate are picked
+    at a higher one too. A stream whose stamps are never those of the others is picked from by itself. Where streams are
     slower than others, a turn waits for the instant at which the slowest is to be expected.
     """
 

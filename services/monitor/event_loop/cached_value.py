@@ -11,7 +11,7 @@ V = TypeVar("V")
 class CachedValue(Generic[V]):
     """A value that takes a while to make: callers get one no older than `max_age_s`, or wait for it.
 
-    share: of the time, that making it may take. What takes less is made anew sooner than after `max_age_s`.
+    share: of the time, that making it may take. A value that takes less is made again before `max_age_s`.
     """
 
     def __init__(self, make: Callable[[], Awaitable[V]], max_age_s: float, *, share: float = 0.0) -> None:

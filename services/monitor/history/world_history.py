@@ -1,4 +1,4 @@
-"""What became of a site's objects, and how many there were over time, as intervals of the history. Pure."""
+"""Events and numbers of a site's objects over time, as intervals of the history. Pure."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Final, Self

@@ -332,6 +332,6 @@ async def test_with_the_world_off_nothing_of_it_is_subscribed_and_the_page_says_
             await looker.go("/inventory")
             await expect(page.get_by_text("Views only")).to_be_visible()
             await looker.go(f"/world/{SITE}/1")
-            await expect(page.get_by_text("Its site is not known now")).to_be_visible()
+            await expect(page.get_by_text("This monitor follows no world model")).to_be_visible()
         assert not any(each.wanted for each in told)
         assert not monitor.fleet.world.sites

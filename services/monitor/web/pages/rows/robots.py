@@ -138,7 +138,7 @@ class RobotFilter:
 class Survey:
     """All robots at one moment: counts, search, order and rows agree with each other.
 
-    now_ns: that moment, epoch. What was asked for once is kept, as many ask the same.
+    now_ns: that moment, epoch. Results are cached, as many viewers ask for the same.
     """
 
     def __init__(self, fleet_view: FleetView, summaries: Sequence[RobotSummary]) -> None:
