@@ -16,7 +16,7 @@ AGAIN_S: Final = 5.0
 """Delay before a list that was refused is tried again."""
 
 TOGETHER_S: Final = 0.2
-"""Shortest time between two changes of the lists: what comes and goes in between is one change."""
+"""Shortest time between two changes of the lists: tokens that come and go in between make one change."""
 
 _log: Final = logging.getLogger(__name__)
 

@@ -85,7 +85,7 @@ class Forward:
     async def _stay_subscribed(self, topics: Subscriptions) -> None:
         """Subscribe on ROS all the time, and anew when wanted after a pause, to forget publishers that left.
 
-        Of what a publisher latches in a pause, whoever subscribes after it is handed the last message alone.
+        A subscription made after a pause gets only the last message that a publisher latched in it.
         """
         while True:
             async with asyncio.TaskGroup() as group:

@@ -44,7 +44,7 @@ _SEQ: Final = struct.Struct("<I")
 class Gaps:
     """Counts messages of a topic that did not arrive, by its publishers' sequence numbers.
 
-    Nodes that pass on another's messages pass on their numbers too: what `throttle` leaves out counts as missing.
+    Nodes that pass on another's messages pass on their numbers too: messages that `throttle` drops count as missing.
     """
 
     def __init__(self) -> None:

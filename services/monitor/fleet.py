@@ -32,8 +32,8 @@ MOST_ARRIVALS: Final = 64
 DAY_NS: Final = 86_400 * NS
 LATE_NS: Final = 2 * NS
 LATE_FOR_NS: Final = 10 * NS
-"""No mere outage held up lists that keep coming for so long and were longer than LATE_NS on their way: what it held up
-comes at once. It is over when none came for as long."""
+"""No mere outage held up lists that keep coming for so long and were longer than LATE_NS on their way: lists that an
+outage held up come at once. It is over when none came for as long."""
 
 
 SLOW_LINK: Final = "has class lists that arrive more than 2 s late; on a slow link, set --uplink-mbit"

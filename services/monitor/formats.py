@@ -60,7 +60,7 @@ def epoch_ns(at: datetime) -> int:
 
 
 def as_text(value: Any) -> Any:
-    """Return a CSV cell that no spreadsheet evaluates: what begins like a formula gets a leading `'`.
+    """Return a CSV cell that no spreadsheet evaluates: text that begins like a formula gets a leading `'`.
 
     Also behind what spreadsheets of other countries, or with other settings, take for the end of a cell.
     """

@@ -78,8 +78,8 @@ class Floor:
     def message(self, site: str, now_ns: int) -> FloorLooks:
         """Return the floor as others get it: a rectangle of at most MAX_CELLS.
 
-        Where that is too small for all blocks, those are in it that are around the one with most others near it: what a
-        robot with a wrong pose saw far away leaves room for the floor that there is.
+        Where that is too small for all blocks, those are in it that are around the one with most others near it: floor
+        seen far away by a robot with a wrong pose leaves room for the real floor.
         """
         low, looked_ns = self._rectangle()
         ages = np.clip((now_ns - looked_ns) // 1_000_000_000, 0, LONG_AGO)

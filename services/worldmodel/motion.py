@@ -1,4 +1,4 @@
-"""Follows things that move while they are seen: what is missed at its place and found close by keeps its id. Pure."""
+"""Follows objects that move in view: one that is missed at its place and found close by keeps its id. Pure."""
 
 from dataclasses import dataclass
 from typing import Final

@@ -97,7 +97,7 @@ class ObjectLifecycle:
         self._dropped: list[int] = []
 
     def begin(self) -> None:
-        """Begin a batch: what was told of the last one is told; rows of what went then may be used again."""
+        """Begin a batch: events of the last one have been told, and rows of objects dropped in it are free again."""
         self.events = []
         self._free += self._dropped
         self._dropped = []

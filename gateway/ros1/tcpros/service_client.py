@@ -70,7 +70,7 @@ class ServiceClient:
             ServiceTimeoutError: no answer within `timeout_s` seconds.
             ServiceFailedError: the service says so; the text is its own.
             LinkRefusedError, TypeMismatchError: the service refuses the call, or has another type.
-            WireError: what answers speaks no TCPROS.
+            WireError: the other side speaks no TCPROS.
 
         """
         connection = ServiceConnection(

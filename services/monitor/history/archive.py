@@ -330,7 +330,7 @@ async def _last_begun(
 def _ever_earlier(newest_ns: int, since_ns: int) -> Iterator[int]:
     """Yield times from shortly before the newest one back to `since_ns`.
 
-    Ends have an index and beginnings none: what began after a time is looked for among what ended after it.
+    Ends have an index and beginnings none: rows that began after a time are looked for among those that ended after it.
     """
     back_ns = FIRST_NS
     while newest_ns - back_ns > since_ns:

@@ -143,7 +143,7 @@ class Disagreements:
     def note(self, now_ns: int) -> Iterator[None]:
         """Enter the current disagreements, and yield after each camera.
 
-        Cameras at which one model looks by now are looked at once more: what models disagreed about has ended there.
+        Cameras at which one model looks by now are looked at once more: their disagreements have ended.
         """
         for key in {*self._inventory.disputed(), *self._open}:
             camera = self._inventory.camera(key)

@@ -1,4 +1,4 @@
-"""Writes the history off the message path: whatever the database does, monitoring continues."""
+"""Writes the history off the message path, so that monitoring continues if the database is slow or fails."""
 
 import asyncio
 import logging

@@ -62,7 +62,7 @@ class WorldConditions:
         self._left_out: dict[tuple[str, str], int] = {}
 
     def begin(self) -> None:
-        """Begin anew, as when this monitor becomes the one that raises alerts: what happened before does not count."""
+        """Begin anew, as when this monitor becomes the one that raises alerts: earlier events do not count."""
         self._rules = {}
         for site in self._world.sites.values():
             site.transitions.clear()

@@ -108,7 +108,7 @@ async def _run(settings: DemoSettings, folder: Path) -> int:
 
 def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str, Sequence[str]]:
     """Return each process's command line by name; the robots' ROS masters use `master_port` and the ports after it."""
-    # Weights under torch at once: whatever is quicker is exported first, which takes longer than most demos.
+    # Weights under torch at once: quicker runtimes need an export first, which takes longer than most demos.
     model = settings.model or str(shipped_file(None, None))
     runtime = "torch" if is_weights(model) else "onnx"
     simulator = [

@@ -88,7 +88,7 @@ async def first_objects(
 def _first(
     world: World, sites: Sites, wanted: ObjectQuery, most: int, after: tuple[str, str] | None
 ) -> list[FoundObject]:
-    """Choose in another thread, as there may be hundred thousands: what is looked at is copied in one step."""
+    """Choose in another thread, as there may be hundred thousands; each site's objects are copied in one step."""
     now_ns = time.time_ns()
     found: list[FoundObject] = []
     for name, site in sorted(world.sites.items()):
