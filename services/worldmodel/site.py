@@ -115,7 +115,7 @@ DRIFT_SAFETY_FACTOR: Final = 1.4
 
 
 class Site:
-    """One site's model on the bus. saved_state: of the worker that served it before; nothing to begin anew."""
+    """One site's model on the bus. saved_state: of the worker that served it before; nothing to start empty."""
 
     def __init__(self, bus: Bus, settings: WorldSettings, name: str, saved_state: bytes = b"") -> None:
         self._bus = bus
@@ -129,7 +129,7 @@ class Site:
                 prefix, self._last = restored(name, saved_state, self.model, randbelow(RUNS))
                 self.model.set_back(time.time_ns())  # its clock may have been ahead
             except StateError as error:
-                log.warning("site %s: begun anew: %s", name, error)
+                log.warning("site %s: its state cannot be used (%s); starting with an empty site", name, error)
         self._published = PublishedObjects(name, prefix, self.model)
         self._epoch = uuid4().hex[:12]
         self._floor = Floor()
