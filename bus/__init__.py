@@ -1,7 +1,7 @@
 """The bus between the processes of a fleet; the only package that imports zenoh.
 
 Publishers know whether they are wanted, subscriptions are bounded, presence is seen, requests are answered or end in an
-error in time. Payloads are bytes, or pieces of them; what they mean is for others to say.
+error in time. Payloads are bytes, or pieces of them; the bus does not interpret them.
 """
 
 from bus.api import (

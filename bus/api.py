@@ -271,8 +271,8 @@ class Bus(Protocol):
         With `history` the last LATCHED, RESULT or STATUS of each publisher comes first, also after a link was cut.
         Images have none: subscribe to them without, which costs the network less.
 
-        recover: how many of each publisher come so, in order, as far as it kept them; with more than one, what got
-        lost on the way is asked for again too.
+        recover: how many of each publisher come so, in order, as far as it kept them; with more than one, those
+        lost on the way are asked for again too.
         few: so few publishers match that each sample is taken in as it comes; else those of a queue are fetched
         together, which takes a thread that wakes ten times a second.
         """
@@ -288,7 +288,7 @@ class Bus(Protocol):
     ) -> AbstractAsyncContextManager[None]:
         """Answer requests for the keys of an expression until the context ends, which cancels the handlers.
 
-        At most `at_once` handlers run and `waiting` requests wait for one, the longest first; whoever comes then is
+        At most `at_once` handlers run and `waiting` requests wait for one, the longest first; further requests are
         refused at once. A key that several members serve is answered by one of them; the other takes over when it goes.
         Entering raises BusError where this bus serves keys of the expression already.
         """

@@ -1,4 +1,4 @@
-"""Settings for joining the bus. Plain data: the caller reads environment, files and arguments."""
+"""Settings for joining the bus, validated; checks that named files exist."""
 
 import re
 import stat

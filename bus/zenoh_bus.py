@@ -20,10 +20,10 @@ from bus.presence.own_tokens import OwnTokens, ZenohToken
 from bus.requests.pending_request import PendingRequest, Unanswered
 from bus.requests.serving import check_free
 from bus.session.declaration import Declaration
-from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer
 from bus.session.known_keys import KnownKeys
 from bus.session.link_use import MOST_FILES, LinkUse, most_links
 from bus.session.process_limits import SHAREABLE_BYTES, keep_freed_memory, may_lock, raise_file_limit
+from bus.session.publishers_and_servers import Lanes, ZenohPublisher, ZenohServer
 from bus.session.session import SessionThread
 from bus.settings import BusSettings
 

@@ -1,4 +1,4 @@
-"""What `fleetsight` offers to programs, all in one place; `import fleetsight` loads it when it is used first."""
+"""The public names of `fleetsight`, all in one place; `import fleetsight` loads it when it is used first."""
 
 from bus import LATEST, BusSettings
 from fleetsight.arguments import QUEUE

@@ -28,6 +28,10 @@ from schemas.keys import CameraKey, Stream, StreamKey
 from schemas.status import WorkerStatus
 
 Find = Callable[[ImageFrame], Awaitable[Sequence[Detection]]]
+"""An async function that takes an `ImageFrame` and returns its `Detection`s, with boxes in pixels of the image.
+
+Its exceptions end `OwnModel.run`, which raises them.
+"""
 
 REPLACED: Final = "replaced by a newer frame"
 MALFORMED: Final = "malformed"

@@ -10,10 +10,10 @@ from types import ModuleType
 from typing import Final
 
 CLIENT: Final = ("bus", "schemas")
-"""What `import fleetsight` needs; a program that uses it keeps its own `services` and `gateway`."""
+"""Packages that `import fleetsight` needs; a program that uses it keeps its own `services` and `gateway`."""
 
 ALL: Final = (*CLIENT, "gateway", "services")
-"""What the processes of the fleet need."""
+"""Packages that the processes of the fleet need."""
 
 ROOT: Final = str(Path(__file__).parents[1])
 """The folder that these packages and this one are installed in."""

@@ -128,7 +128,7 @@ class Stream(Generic[M]):
 
     @property
     def counts(self) -> StreamCounts:
-        """What became of the messages so far, those of iterations that have ended included."""
+        """The counts of received and lost messages so far, including those of iterations that have ended."""
         return self._with(*self._running)
 
     def _with(self, *subscriptions: Subscription) -> StreamCounts:

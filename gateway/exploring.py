@@ -88,13 +88,13 @@ class Explorer:
     def __init__(
         self,
         node: Node,
-        wishes: DiscoverySettings,
+        discovery_settings: DiscoverySettings,
         unused: Callable[[Collection[str]], list[str]],
         sightings: TopicHistory | None = None,
     ) -> None:
-        self.plan = plan([], wishes)
+        self.plan = plan([], discovery_settings)
         self._node = node
-        self._wishes = wishes
+        self._discovery_settings = discovery_settings
         self._unused = unused
         self._said_unused: list[str] = []
         self._sightings = sightings or TopicHistory()
@@ -120,7 +120,7 @@ class Explorer:
 
     async def begin(self, offers: Offers) -> None:
         """Offer the streams that the settings name, with or without a master."""
-        if not self._wishes.discover:
+        if not self._discovery_settings.discover:
             log.info("only the streams that the settings name are offered; --discover finds others as well")
         await self._follow(self.plan, offers, changes(self.plan))
 
@@ -150,17 +150,17 @@ class Explorer:
             known = clouds.known(images.known(self._sightings.topics()))
             certain = clouds.certain(images.certain(known))
             if certain != self._certain:
-                self._unclear = await asyncio.to_thread(unclear, certain, self._wishes)
+                self._unclear = await asyncio.to_thread(unclear, certain, self._discovery_settings)
                 self._certain = certain
             awaited = images.listen(self._unclear)
             topics = [_until_heard(topic) for topic in known if image_of(topic.name) not in awaited]
             if topics != self._planned:
                 # With thousands of topics it takes a second.
-                now = await asyncio.to_thread(plan, topics, self._wishes, self.plan)
+                now = await asyncio.to_thread(plan, topics, self._discovery_settings, self.plan)
                 await self._follow(now, offers, changes(now, self.plan))
                 self._planned = topics
             if not awaited:  # an image may be the colour
-                clouds.listen(unclear_clouds(certain, self._wishes, self.plan, clouds.doubted))
+                clouds.listen(unclear_clouds(certain, self._discovery_settings, self.plan, clouds.doubted))
 
     def _started(self, look: MasterState) -> set[str]:
         """Return the topics that were not published at the look before, or by other nodes."""

@@ -122,7 +122,7 @@ class Offers:
     def _offer(self, key: SensorKey, topic: str, kind: StreamKind) -> None:
         if key not in self._streams:
             self._streams[key] = StreamForward(
-                key, topic, kind, self._boot_id, self._shaping.thinning(key), useful=self._shaping.useful(key)
+                key, topic, kind, self._boot_id, self._shaping.rate_limiter(key), useful=self._shaping.useful(key)
             )
         stream = self._streams[key]
         self._withdrawn -= stream.dropped()

@@ -5,14 +5,15 @@ import logging
 import os
 import time
 import uuid
-from collections.abc import AsyncIterator, Iterator, Sequence
-from contextlib import AsyncExitStack, asynccontextmanager, contextmanager, suppress
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import AsyncExitStack, aclosing, asynccontextmanager, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
 from bus import BusSettings, open_bus
 from bus.clocks import clock_id
+from bus.demand import SharedDemand, while_wanted
 from bus.reporting import VERSION, report
 from gateway.doctor.finding import Severity
 from gateway.doctor.master import check_host
@@ -21,17 +22,17 @@ from gateway.exploring import Explorer
 from gateway.node_names import clear_predecessors, node_name
 from gateway.offers import Offers
 from gateway.requests import answering
+from gateway.ros1.errors import MessageError, Ros1Error
 from gateway.ros1.node import Node
-from gateway.ros1.sim_clock import SimClock
+from gateway.ros1.sim_clock import PARAMETER, TOPIC, TYPE_NAME, SimClock, decode_clock
 from gateway.ros1.tasks import cancel_and_wait
+from gateway.ros1.tcpros.subscriber import Message
 from gateway.settings import GatewaySettings, RosSettings
-from gateway.sim_time import follow_sim_time
 from gateway.to_bus.shaping.consumers import Consumers, stays_near
 from gateway.to_bus.shaping.shaping import Shaping
 from gateway.to_ros.done_actions import DoneActions, state_folder
 from gateway.to_ros.on_demand import Return
-from gateway.to_ros.outputs import actions_return, alerts_return, camera_returns
-from gateway.to_ros.recorders import warn_of_recorders
+from gateway.to_ros.outputs import actions_return, alerts_return, camera_returns, cure, recorders, results_of
 from gateway.to_ros.stream import StreamReturn
 from gateway.to_ros.world import world_returns
 from schemas import keys
@@ -79,7 +80,7 @@ def giving_way() -> Iterator[None]:
     """Run this thread and its children under SCHED_BATCH, so that they preempt no program when they wake up.
 
     They wait for a processor that is idle, or until another program's turn is over, which takes milliseconds. That also
-    keeps the threads of a gateway from interrupting each other: sending an image then takes fewer turns. What has been
+    keeps the threads of a gateway from interrupting each other: sending an image then takes fewer turns. A gateway
     started under another policy than the usual one keeps it.
     """
     gives_way = _changed(os.SCHED_OTHER, os.SCHED_BATCH)
@@ -111,6 +112,72 @@ async def warn_of_own_host(settings: RosSettings) -> None:
     for finding in check_host(look, remote_master=False):
         if finding.severity is Severity.PROBLEM:
             log.warning("%s %s: %s; %s", settings.host_given_by(), finding.subject, finding.what, finding.advice)
+
+
+async def warn_of_recorders(node: Node, passive: Callable[[str], bool]) -> None:
+    """Log each node that subscribes to all results once, forever. passive: whether a node requests none."""
+    said: set[str] = set()
+    async with aclosing(node.looks()) as looks:
+        async for look in looks:
+            topics = results_of(look.node, look.state.publishers)
+            found = recorders(topics, look.state.subscribers)
+            for recorder in found:
+                if recorder not in said:
+                    _warn_of_recorder(recorder, len(topics), passive=passive(recorder))
+            said = set(found)
+
+
+def _warn_of_recorder(recorder: str, count: int, *, passive: bool) -> None:
+    if passive:
+        log.info("%s subscribes to all %d results; it is passive, so it makes none of them wanted", recorder, count)
+        return
+    log.warning(
+        "%s subscribes to all %d results, as `rosbag record -a` does, so workers make all of them of every camera; %s",
+        recorder,
+        count,
+        cure(recorder),
+    )
+
+
+POLL_S: Final = 3.0
+
+
+async def follow_sim_time(node: Node, clock: SimClock, *, poll_s: float = POLL_S) -> None:
+    """Update the clock from `/clock` while `/use_sim_time` is set at the master, forever."""
+    demand = SharedDemand()
+    async with asyncio.TaskGroup() as group:
+        group.create_task(while_wanted(demand, lambda: _listen(node, clock)))
+        tell = demand.of(PARAMETER)
+        while True:
+            tell(await _is_set(node, before=clock.used))
+            await asyncio.sleep(poll_s)
+
+
+async def _is_set(node: Node, *, before: bool) -> bool:
+    try:
+        return await node.master.uses_sim_time()
+    except Ros1Error:  # the setting stays while the master is away
+        return before
+
+
+async def _listen(node: Node, clock: SimClock) -> None:
+    def on_message(message: Message) -> None:
+        try:
+            jumped = clock.tell(decode_clock(message.data))
+        except MessageError as error:
+            log.warning("%s from %s: %s", TOPIC, message.callerid, error)
+            return
+        if jumped:
+            log.warning("%s went back to %.3f s", TOPIC, clock.now_ns / 1e9)
+
+    log.info("%s is set: ROS time is what %s says", PARAMETER, TOPIC)
+    async with node.subscribe(TOPIC, TYPE_NAME, on_message):
+        clock.used = True
+        try:
+            await asyncio.Event().wait()
+        finally:
+            clock.used = False
+            clock.now_ns = 0
 
 
 SHUT_DOWN_BY_MASTER = 1
@@ -153,7 +220,7 @@ async def _run(settings: GatewaySettings) -> int:
             returned=lambda camera, root: _camera_returns(settings, camera, root),
             max_message_bytes=settings.max_message_bytes,
         )
-        explorer = Explorer(node, settings.wishes(), settings.unused)
+        explorer = Explorer(node, settings.discovery_settings(), settings.unused)
         returns = [Return(stream) for stream in _robot_returns(settings, clock)]
         account = GatewayCounters(settings, boot_id, machine, node, clock, explorer, offers, returns)
         await explorer.begin(offers)

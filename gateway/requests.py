@@ -50,7 +50,7 @@ def request_for(kind: TopicType, asked: ServiceRequest) -> bytes:
     """Return the serialised request for a service of the type that it reports.
 
     Raises:
-        MessageError: what is asked does not fit the type.
+        MessageError: the request does not fit the type.
     """
     if asked.data is not None:
         return asked.data

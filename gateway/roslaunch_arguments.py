@@ -16,7 +16,7 @@ OPTIONS: Final = {
 def options_of(arguments: Sequence[str]) -> list[str]:
     """Return a command line in which ROS's arguments are the gateway's options.
 
-    What has no meaning here is left out: where a log file would go (`__log:=`), private parameters (`_rate:=5`).
+    Arguments without a meaning here are left out: the place of a log file (`__log:=`), private parameters (`_rate:=5`).
     """
     return [option for argument in arguments for option in _options(argument)]
 

@@ -55,7 +55,7 @@ class Sampler:
         return [replace(topic, encoding=encoding) if encoding else topic for topic, encoding in found]
 
     def doubt(self, names: Collection[str]) -> None:
-        """Topics with these names have other publishers: what is known of their pixels counts until a message comes."""
+        """Topics with these names have other publishers: their known pixel formats count until a message comes."""
         self._doubted |= {sampled for sampled in self._encodings if sampled[0] in names}
 
     @property

@@ -337,7 +337,7 @@ class GatewaySettings(RosSettings, StreamSettings, ShapingSettings, ReturnSettin
         rectified = (f"--rectified {name}" for name in self.rectified if name not in names)
         return [*self.unused_shaping(names), *rectified]
 
-    def wishes(self) -> DiscoverySettings:
+    def discovery_settings(self) -> DiscoverySettings:
         """Return the settings of discovery."""
         return DiscoverySettings(
             self.robot,

@@ -29,7 +29,7 @@ class Header(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     received_ns: when the gateway had the whole frame, nanoseconds since the epoch on the robot's system clock.
     boot_id: one gateway process; a restarted gateway has another.
     seq: counts the frames of this stream that the gateway process could read and meant to send, from 0, without holes:
-        what `max_hz` leaves out has no number, so a gap up to LONGEST_GAP is always a loss.
+        frames that `max_hz` leaves out have no number, so a gap up to LONGEST_GAP is always a loss.
 
     >>> header = fleetsight.Header(
     ...     robot="r1", camera="front", boot_id="b1", seq=7, stamp_ns=10**18, frame_id="camera_optical_frame",

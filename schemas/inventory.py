@@ -38,8 +38,8 @@ class ClassSighting(msgspec.Struct, frozen=True, kw_only=True):
 
     count: how many now, 0 when it is in view no more. score: best one, 0 to 1. first_ns, last_ns: when it was seen
     first and last without a gap, nanoseconds since the epoch on the monitor's system clock. nearest_m: how near the
-    nearest of them is, where that is known. model, worker: who said so. available: the robot is online and its camera
-    speaks; what is not available is only what was known last.
+    nearest of them is, where that is known. model, worker: who said so. available: the robot is online and class lists
+    of its camera arrive; otherwise the sighting is the last that was known.
 
     >>> sighting = fleetsight.ClassSighting(
     ...     robot="r1", camera="front", name="box", count=3, score=0.91, first_ns=10**18, last_ns=10**18 + 5 * 10**9,

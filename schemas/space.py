@@ -9,7 +9,7 @@ MAX_DISTANCE_M: Final = 1e6
 
 Coordinate = Annotated[float, msgspec.Meta(ge=-MAX_COORDINATE_M, le=MAX_COORDINATE_M)]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
-"""x, y, z in metres; what is NaN or infinite is refused."""
+"""x, y, z in metres; NaN and infinity are refused."""
 
 Distance = Annotated[float, msgspec.Meta(gt=0, le=MAX_DISTANCE_M)]
 """Metres. Never 0: that is no distance, but a missing one."""

@@ -1,6 +1,6 @@
 """Keys of services and their workers: `workers/{service}/{worker}/...`, and of sites: `world/{site}/...`.
 
-What a centre is told of a warehouse is below `warehouses/{warehouse}/...`, the model registry below `models/`.
+A warehouse's reports to its centre are below `warehouses/{warehouse}/...`, the model registry below `models/`.
 
 `schemas.keys` has those of robots.
 """

@@ -128,8 +128,8 @@ class WorldChange(msgspec.Struct, frozen=True, kw_only=True):
 class WorldChanges(msgspec.Struct, frozen=True, kw_only=True):
     """Some changes of a site, in order. They are numbered from 1 on: the first of these is `first`.
 
-    Whoever joins late, misses a number or meets a new epoch asks for the whole (WorldRequest): the answer has the epoch
-    and the number of the last change in it, and what comes with higher numbers is applied to it.
+    A subscriber that joins late, misses a number or meets a new epoch requests all objects (WorldRequest): the answer
+    has the epoch and the number of the last change in it, and changes with higher numbers are applied to it.
     """
 
     site: Name
@@ -174,7 +174,7 @@ class WorldAnswer(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class NearbyObjects(msgspec.Struct, frozen=True, kw_only=True):
-    """What is near a robot and fresh, from all robots, nearest first; sent to the robot while it listens.
+    """The fresh objects near a robot, seen by any robot, nearest first; sent to the robot while it listens.
 
     frame_id: of all positions, the robot's own name for the site's map, such as `map`.
     """

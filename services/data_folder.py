@@ -64,7 +64,7 @@ def names_in(file: Path) -> list[str]:
 
 
 def write_names(file: Path, names: list[str], **other: Any) -> None:
-    """Write a data.yaml with these names of classes. other: what else it says."""
+    """Write a data.yaml with these names of classes. other: its further keys."""
     write_whole(file, description_of(names, **other))
 
 

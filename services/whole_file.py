@@ -37,7 +37,7 @@ def _sync_folder(folder: Path) -> None:
 
 OTHERS_WRITE: Final = stat.S_IWGRP | stat.S_IWOTH
 FOLDER_MODE: Final = 0o755
-"""Of folders that are made for such files: whatever the umask says, others write nothing there."""
+"""Of folders that are made for such files, so that others write nothing there, whatever the umask."""
 
 
 class NotOursError(Exception):

@@ -27,7 +27,7 @@ from bus.presence.listed_tokens import ListedTokens, ZenohWatch
 from bus.presence.own_tokens import OwnTokens, ZenohToken
 from bus.session.config import session_config
 from bus.session.declaration import Declaration
-from bus.session.declarations import Lanes, ZenohPublisher, ZenohServer
+from bus.session.publishers_and_servers import Lanes, ZenohPublisher, ZenohServer
 from gateway.to_bus.translators import StreamKind, kind_of
 from schemas import codec, consumer_keys, keys
 from schemas.status import GatewayStatus

@@ -19,8 +19,8 @@ FRAMES: Final = 3
 
 MAX_REFUSED_PAYLOADS: Final = 30
 READER_TIMEOUT_S: Final = 3.0
-"""With so many successive payloads without room, or after seconds of them, what subscribers hold is left to them: one
-that was stopped never lets go of it, not even when its link counts as lost, which takes 2 s unless told otherwise."""
+"""After so many successive payloads without room, or seconds of them, payloads that subscribers hold are left to them:
+a stopped one never frees them, not even when its link counts as lost, which takes 2 s unless told otherwise."""
 
 SMALLEST_BYTES: Final = 4096
 """Smallest payload that is shared: sending a smaller one through a socket is faster."""

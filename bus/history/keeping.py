@@ -61,10 +61,10 @@ class KeptMessages:
 
 
 class EndedPublishers:
-    """What publishers of a process kept that have ended, for those that follow them on their keys. One thread.
+    """Messages kept by this process's ended publishers, for the next publisher on the same key. One thread.
 
-    A worker whose own link is lost stops looking after all cameras until they are there again. What it sent into that
-    link is had from the publisher that follows, whose numbers go on: subscribers take what they miss.
+    A worker whose own link is lost stops serving all cameras until they are there again. Subscribers get the messages
+    that it sent into that link from the next publisher, whose numbers go on.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

@@ -16,7 +16,7 @@ AGAIN_S: Final = 5.0
 """Delay before a list that was refused is tried again."""
 
 TOGETHER_S: Final = 0.2
-"""Shortest time between two changes of the lists: what comes and goes in between is one change."""
+"""Shortest time between two changes of the lists: tokens that come and go in between make one change."""
 
 _log: Final = logging.getLogger(__name__)
 
@@ -45,8 +45,8 @@ class OwnTokens:
     def declare(self, session: zenoh.Session) -> None:
         """Show tokens on this session from now on.
 
-        What was listed on the last one is expected to be shown again and so listed at once: who follows publishers'
-        caches knows of them before anything comes live. A cache's key has its session's id.
+        Tokens listed on the last session are expected to be shown again, and so are listed at once: subscribers know of
+        publishers' caches before any message arrives. A cache's key has its session's id.
         """
         before, self._id = self._id, str(session.zid())
         self._expected = [key.replace(f"/{before}/", f"/{self._id}/") for key in self._listed]

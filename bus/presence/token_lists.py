@@ -1,6 +1,6 @@
 """Lists of presence tokens, each shown as one token of Zenoh. Pure.
 
-What a token costs a router grows with the number of tokens, and a robot has a dozen. So a process that alone speaks
+The cost of a token at a router grows with the number of tokens, and a robot has a dozen. So a process that alone speaks
 under `fleet/{robot}` shows `fleet/{robot}/@alive/{list}`: the rest of each key, with `:` in the place of `/`, joined by
 commas.
 """

@@ -1,4 +1,4 @@
-"""Who may do what at a router: reads its rules, and refuses to let everybody in unless that is meant."""
+"""A router's access rules: reads them, and refuses to let everybody in unless that is meant."""
 
 import gzip
 import json
@@ -67,7 +67,7 @@ def of_one_machine(access: Mapping[str, Any]) -> frozenset[str]:
     """Return the names whose certificates are each for one machine: all but those that are workers' alone.
 
     Workers that share the work may share a certificate. They present themselves under their names, and ask nothing of
-    all services, as monitors, operators and routers do; what neighbours of a robot's gateway do is its robot's.
+    all services, as monitors, operators and routers do. Neighbours of a robot's gateway act as the robot.
     """
     return frozenset(name for name, keys in _taken_in(access) if not _is_a_workers(name, keys))
 

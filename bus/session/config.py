@@ -14,7 +14,7 @@ OPEN_TIMEOUT_MS: Final = 1_000
 BACKGROUND_MS: Final = 1_500
 """The same in the background: a router that is busy takes a while. Closing a session waits for it (Zenoh 1.10).
 
-Who has another router to go to waits no longer for one than as it opens: endpoints are tried in their order, and the
+A client with several routers waits for one no longer than when it opens: it tries the endpoints in their order, and the
 first may be the one that is gone.
 """
 
@@ -32,7 +32,7 @@ NO_RETRY: Final = {"period_init_ms": 3_600_000, "period_max_ms": 3_600_000, "per
 """A client that nobody connects to ends the session with its link, and opens a new one."""
 
 NEIGHBOURS: Final = [{"filters": [{"modes": ["client", "peer"]}]}]
-"""Who connects to a client is in a region of its own, for which this client speaks to the router.
+"""Processes that connect to a client form their own Zenoh region, which the client represents at the router.
 
 As a router among routers it would be sent all declarations of all others (Zenoh 1.10): of a thousand robots about a
 gigabyte whenever their common router is restarted.

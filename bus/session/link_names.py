@@ -78,7 +78,7 @@ class LinkNames:
 
 @dataclass(frozen=True, slots=True)
 class SeenNames:
-    """What is wrong with the names of links at one moment.
+    """Problems with the names of links at one moment.
 
     strangers: names in no rule: all that they send is refused. apart: names of one machine that are used at several
     addresses, these, and since when.

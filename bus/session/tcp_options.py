@@ -2,7 +2,7 @@
 
 Links close in time although the other end no longer reads: Zenoh gives its connections ten seconds to get rid of what
 is unsent, and waits for that when it closes a session. Small messages do not wait behind images in the system where a
-link is slow: what is not on its way yet stays with Zenoh, which sends by priority.
+link is slow: messages that are not on their way yet stay with Zenoh, which sends by priority.
 """
 
 import logging

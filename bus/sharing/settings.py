@@ -1,4 +1,4 @@
-"""Settings of work sharing. Plain data: the caller reads environment, files and arguments."""
+"""Settings of work sharing, validated; the default worker name reads the host name and the process id."""
 
 import os
 import secrets

@@ -57,7 +57,7 @@ NO_SENSOR: Final = "not a sensor's message type; --discover --topics ros/NAME=TO
 TYPES: Final = READERS.keys() | {camera_info.TYPE_NAME, *transforms.TYPE_NAMES}
 
 
-def why_not(topic: Topic, wishes: DiscoverySettings, named: Collection[str]) -> str | None:
+def why_not(topic: Topic, settings: DiscoverySettings, named: Collection[str]) -> str | None:
     """Return why discovery ignores a topic, or None. named: images that the settings name."""
     if not is_topic(topic.name):
         return NOT_A_NAME
@@ -65,14 +65,14 @@ def why_not(topic: Topic, wishes: DiscoverySettings, named: Collection[str]) -> 
         return OF_GATEWAYS
     if image_of(topic.name) in named:
         return "the same image as a topic that the settings name"
-    return _by_pattern(topic, wishes) or _by_type(topic)
+    return _by_pattern(topic, settings) or _by_type(topic)
 
 
-def _by_pattern(topic: Topic, wishes: DiscoverySettings) -> str | None:
-    if wishes.deny.fullmatch(topic.name):
-        return f"denied by --deny {wishes.deny.pattern}"
-    if not wishes.allow.fullmatch(topic.name):
-        return f"not allowed by --allow {wishes.allow.pattern}"
+def _by_pattern(topic: Topic, settings: DiscoverySettings) -> str | None:
+    if settings.deny.fullmatch(topic.name):
+        return f"denied by --deny {settings.deny.pattern}"
+    if not settings.allow.fullmatch(topic.name):
+        return f"not allowed by --allow {settings.allow.pattern}"
     return None
 
 
@@ -152,26 +152,26 @@ def cameras_of(keys: Iterable[SensorKey]) -> list[CameraKey]:
 NO_PLAN: Final = Plan()
 
 
-def plan(topics: Iterable[Topic], wishes: DiscoverySettings, before: Plan = NO_PLAN) -> Plan:
+def plan(topics: Iterable[Topic], settings: DiscoverySettings, before: Plan = NO_PLAN) -> Plan:
     """Return the plan for the topics published now, following the previous plan.
 
     The same topics give the same plan in whatever order they are. Cameras keep the names they have.
     """
     published = {topic.name: topic for topic in sorted(topics)}
-    planning = _Planning(wishes, published, before)
-    if wishes.discover:
+    planning = _Planning(settings, published, before)
+    if settings.discover:
         planning.discover()
     return planning.result()
 
 
 class _Planning:
-    def __init__(self, wishes: DiscoverySettings, published: Mapping[str, Topic], before: Plan) -> None:
-        self._wishes = wishes
+    def __init__(self, settings: DiscoverySettings, published: Mapping[str, Topic], before: Plan) -> None:
+        self._settings = settings
         self._published = published
         self._before = before
         self._names = dict(before.names)
         self._left_out: dict[str, str] = {}
-        self._streams = {key: Source(topic, self._type(topic)) for key, topic in wishes.named.items()}
+        self._streams = {key: Source(topic, self._type(topic)) for key, topic in settings.named.items()}
 
     def _type(self, topic: str) -> str:
         return self._published[topic].type if topic in self._published else ""
@@ -184,7 +184,7 @@ class _Planning:
         infos = {topic.name for topic in looked_at if topic.type == camera_info.TYPE_NAME}
         slots = best(candidates, self._names)
         for (name, stream), choice in slots.items():
-            key = StreamKey(CameraKey(self._wishes.robot, name), stream)
+            key = StreamKey(CameraKey(self._settings.robot, name), stream)
             depths = slots.get((name, Stream.DEPTH), [])
             rectified = self._wants_rectified(key, choice[0].topic.name, depths, infos)
             self._choose(key, rectified_first(choice) if rectified else choice)
@@ -197,19 +197,19 @@ class _Planning:
             self._left_out[source.topic] = TOO_MANY
         streams = dict(islice(self._streams.items(), MAX_STREAMS))
         first = self._before.first or next((camera.camera for camera in self._cameras(streams)), None)
-        return Plan(streams, dict(sorted(self._left_out.items())), self._names, first, self._wishes.rectified)
+        return Plan(streams, dict(sorted(self._left_out.items())), self._names, first, self._settings.rectified)
 
     def _cameras(self, streams: Mapping[SensorKey, Source]) -> list[CameraKey]:
         """Return the cameras with colour: those from the settings in their order, then the others by name."""
-        return [*cameras_of(self._wishes.named), *sorted(cameras_of(streams))]
+        return [*cameras_of(self._settings.named), *sorted(cameras_of(streams))]
 
     def _sieved(self) -> list[Topic]:
-        named = {image_of(topic) for topic in self._wishes.named.values()}
+        named = {image_of(topic) for topic in self._settings.named.values()}
         looked_at = []
         for topic in self._published.values():
-            if topic.name in self._wishes.named.values():
+            if topic.name in self._settings.named.values():
                 continue
-            if reason := why_not(topic, self._wishes, named):
+            if reason := why_not(topic, self._settings, named):
                 self._left_out[topic.name] = reason
             else:
                 looked_at.append(topic)
@@ -219,9 +219,11 @@ class _Planning:
         """Take `/tf` and `/tf_static`, or those in the robot's namespace where there is no global one."""
         found = [topic.name for topic in topics if topic.type in transforms.TYPE_NAMES]
         for stream in (TF, TF_STATIC):
-            for name in (f"/{stream}", f"/{ros_chunk(self._wishes.robot)}/{stream}"):
+            for name in (f"/{stream}", f"/{ros_chunk(self._settings.robot)}/{stream}"):
                 if name in found:
-                    self._streams.setdefault(RobotStreamKey(self._wishes.robot, stream), Source(name, self._type(name)))
+                    self._streams.setdefault(
+                        RobotStreamKey(self._settings.robot, stream), Source(name, self._type(name))
+                    )
 
     def _candidates(self, topics: Sequence[Topic]) -> list[Candidate]:
         singles, doubles = one_of_each_image(topic for topic in topics if topic.type in READERS)
@@ -239,8 +241,8 @@ class _Planning:
         """Return the candidates of cameras with a name: at most MAX_CAMERAS in a gateway's life."""
         known = set(self._names)
         new = sorted({candidate.path for candidate in candidates} - known)[: max(0, MAX_CAMERAS - len(known))]
-        taken = [key.camera.camera for key in self._wishes.named if isinstance(key, StreamKey)]
-        self._names |= name_cameras(new, self._wishes.robot, self._names_that_tell(candidates), taken)
+        taken = [key.camera.camera for key in self._settings.named if isinstance(key, StreamKey)]
+        self._names |= name_cameras(new, self._settings.robot, self._names_that_tell(candidates), taken)
         for candidate in candidates:
             if candidate.path not in self._names:
                 self._left_out[candidate.topic.name] = f"over {MAX_CAMERAS} cameras, which is the most a gateway offers"
@@ -251,7 +253,9 @@ class _Planning:
 
         Those of topics whose names say nothing do not count, unless something is found beside these.
         """
-        named = [(key.camera.camera, topic) for key, topic in self._wishes.named.items() if isinstance(key, StreamKey)]
+        named = [
+            (key.camera.camera, topic) for key, topic in self._settings.named.items() if isinstance(key, StreamKey)
+        ]
         apart = {camera for camera, _ in named} - {camera for camera, topic in named if read(image_of(topic))}
         found = {candidate.path for candidate in candidates}
         return {path: camera for path, camera in self._names.items() if camera not in apart or path in found}
@@ -270,7 +274,7 @@ class _Planning:
 
     def _named_paths(self) -> Iterator[tuple[Path, str]]:
         """Return the cameras from the settings by path; the namespace where a topic's name tells none."""
-        for key, topic in self._wishes.named.items():
+        for key, topic in self._settings.named.items():
             found = read(image_of(topic))
             path = tuple(image_of(topic).strip("/").split("/")[:-1]) if found is None else found.path
             if isinstance(key, StreamKey) and (path or found):
@@ -282,12 +286,12 @@ class _Planning:
         One calibration is both pictures' only if both are rectified.
         """
         depth_key = StreamKey(key.camera, Stream.DEPTH)
-        depth = self._wishes.named.get(depth_key) or next((each.topic.name for each in depths), None)
-        has_info = StreamKey(key.camera, Stream.DEPTH_INFO) in self._wishes.named
+        depth = self._settings.named.get(depth_key) or next((each.topic.name for each in depths), None)
+        has_info = StreamKey(key.camera, Stream.DEPTH_INFO) in self._settings.named
         if key.stream is not Stream.COLOR or depth is None or has_info:
             return False
         own = set(calibrations_of(depth)).intersection(infos).difference(calibrations_of(color))
-        return not own and (depth_key in self._wishes.rectified or says_rectified(depth))
+        return not own and (depth_key in self._settings.rectified or says_rectified(depth))
 
     def _choose(self, key: StreamKey, choice: Sequence[Candidate]) -> None:
         preferred = choice[0].topic

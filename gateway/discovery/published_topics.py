@@ -68,8 +68,8 @@ class TopicHistory:
     """Remembers the published topics.
 
     A topic that is gone counts as published for `hold_s` more seconds, in which its node may restart. Only time in
-    which the master answers counts. When a master has restarted, nodes may go on without registering again: what was
-    published before then counts as published until the new master has seen it once.
+    which the master answers counts. When a master has restarted, nodes may go on without registering again: topics
+    published before then count as published until the new master has seen them once.
     """
 
     def __init__(self, hold_s: float = HOLD_S) -> None:

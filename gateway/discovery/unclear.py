@@ -9,24 +9,24 @@ from gateway.ros1 import point_cloud as ros_point_cloud
 from schemas.keys import Stream, StreamKey
 
 
-def unclear(topics: Iterable[Topic], wishes: DiscoverySettings) -> list[Topic]:
+def unclear(topics: Iterable[Topic], settings: DiscoverySettings) -> list[Topic]:
     """Return the usable images that only their pixels identify as colour or depth."""
-    if not wishes.discover:
+    if not settings.discover:
         return []
-    named = {image_of(topic) for topic in wishes.named.values()}
-    looked_at = [topic for topic in topics if topic.type in READERS and why_not(topic, wishes, named) is None]
+    named = {image_of(topic) for topic in settings.named.values()}
+    looked_at = [topic for topic in topics if topic.type in READERS and why_not(topic, settings, named) is None]
     return [topic for topic in one_of_each_image(looked_at)[0] if is_unclear(topic)]
 
 
 def unclear_clouds(
-    topics: Iterable[Topic], wishes: DiscoverySettings, made: Plan, doubted: Collection[str] = ()
+    topics: Iterable[Topic], settings: DiscoverySettings, made: Plan, doubted: Collection[str] = ()
 ) -> list[Topic]:
     """Return the clouds that would be the colour of a camera without another, were they known to be pictures.
 
     Their names promise colours, but do not tell whether the clouds are organised. doubted: names of topics whose
     encodings were known and are to be known anew, although they may be that colour already.
     """
-    if not wishes.discover:
+    if not settings.discover:
         return []
     points = {
         source.topic

@@ -87,7 +87,8 @@ def beside_the_gateway(settings: GatewaySettings) -> list[BusSettings]:
 
     A listener on every address is reachable at 127.0.0.1 too, which certificates can name: Zenoh (1.10) finds no [::1]
     in them.
-    A client uses the first endpoint that answers: what a gateway connects to and where it listens are two ways to join.
+    A client uses the first endpoint that answers, so the endpoints that a gateway connects to, and those at which it
+    listens, are two ways to join.
     """
     own = [
         endpoint.replace("0.0.0.0", "127.0.0.1").replace("[::]", "127.0.0.1")  # noqa: S104

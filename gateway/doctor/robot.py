@@ -158,7 +158,7 @@ class RobotVisit:
                 key,
                 topic,
                 graph.types.get(topic, ""),
-                tuple(replace(look, heard=ear.heard(key, kind, now_ns)) if ear else look for look, ear in seen),
+                tuple(replace(look, heard=probe.heard(key, kind, now_ns)) if probe else look for look, probe in seen),
                 kind,
             )
             for key, kind in kinds.items()
@@ -179,8 +179,8 @@ class RobotVisit:
                 heard = _trouble(error, host, port)
         if isinstance(heard, Trouble):
             return PublisherLook(node, heard), None
-        ear, publisher = heard
-        return PublisherLook(node, None, publisher.type, publisher.latching), ear
+        probe, publisher = heard
+        return PublisherLook(node, None, publisher.type, publisher.latching), probe
 
     async def _registered(self, node: str) -> str:
         if self._master is None:
@@ -199,13 +199,13 @@ class RobotVisit:
         found = await resolve(host, self._patience_s)
         if not found:
             return Trouble(Failure.UNRESOLVED, host, port)
-        target = address if address in found else found[0]  # a name such as localhost has several addresses addresses
-        ear = TopicProbe(uri, enough)
+        target = address if address in found else found[0]  # a name such as localhost has several addresses
+        probe = TopicProbe(uri, enough)
         try:
             await listen(
                 (target, port),
                 topic,
-                ear,
+                probe,
                 callerid=self._name,
                 seconds=self._seconds,
                 patience_s=self._patience_s,
@@ -213,7 +213,7 @@ class RobotVisit:
             )
         except Ros1Error as error:
             return _trouble(error, host, port, silence=_NO_HEADER)
-        return (ear, ear.publisher) if ear.publisher else Trouble(Failure.SILENT, host, port, _NO_HEADER)
+        return (probe, probe.publisher) if probe.publisher else Trouble(Failure.SILENT, host, port, _NO_HEADER)
 
     async def _reached(self, host: str, port: int) -> str | Trouble:
         """Return the address at which a node answers; each node is tried once, however many topics it has."""
@@ -250,21 +250,23 @@ NOTHING_HEARD: Final[Mapping[str, str]] = MappingProxyType({})
 def planned(settings: GatewaySettings, graph: Graph, encodings: Mapping[str, str] = NOTHING_HEARD) -> Plan:
     """Return the plan of a gateway started now with these settings. encodings: of images, by topic."""
     topics = topics_of(graph.publishers, graph.types)
-    return plan([replace(each, encoding=encodings.get(each.name, "")) for each in topics], settings.wishes())
+    return plan(
+        [replace(each, encoding=encodings.get(each.name, "")) for each in topics], settings.discovery_settings()
+    )
 
 
 def to_sample(settings: GatewaySettings, graph: Graph) -> list[str]:
     """Return the image topics that the gateway samples before planning."""
-    return [topic.name for topic in unclear(topics_of(graph.publishers, graph.types), settings.wishes())]
+    return [topic.name for topic in unclear(topics_of(graph.publishers, graph.types), settings.discovery_settings())]
 
 
 def undiscovered(settings: GatewaySettings, graph: Graph) -> list[str]:
     """Return the topics that discovery would add to the named ones."""
     if settings.discover:
         return []
-    wishes = replace(settings.wishes(), discover=True)
-    found = plan(topics_of(graph.publishers, graph.types), wishes).streams
-    return sorted({source.topic for source in found.values()} - set(wishes.named.values()))
+    discovery_settings = replace(settings.discovery_settings(), discover=True)
+    found = plan(topics_of(graph.publishers, graph.types), discovery_settings).streams
+    return sorted({source.topic for source in found.values()} - set(discovery_settings.named.values()))
 
 
 def left_out(found: Plan, graph: Graph) -> Mapping[str, str]:

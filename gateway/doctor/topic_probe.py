@@ -150,7 +150,7 @@ class TopicProbe:
 async def listen(
     address: tuple[str, int],
     topic: str,
-    ear: TopicProbe,
+    probe: TopicProbe,
     *,
     callerid: str,
     seconds: float,
@@ -173,11 +173,11 @@ async def listen(
             def take(event: SubscriberEvent) -> None:
                 match event:
                     case PublisherAccepted():
-                        ear.accepted(event)
+                        probe.accepted(event)
                         deadline.reschedule(loop.time() + seconds)
                     case MessageReceived(data):
-                        ear.hear(data, loop.time(), time.time_ns())
-                        if ear.full:
+                        probe.hear(data, loop.time(), time.time_ns())
+                        if probe.full:
                             deadline.reschedule(loop.time())
 
             await run_link(address, connection, take, resolver=Resolver(), handshake_timeout=patience_s)

@@ -150,8 +150,8 @@ class Node:
     ) -> AsyncIterator[Subscription]:
         """Receive a topic as the master is told, of that type, or of the `accepted` ones, or of any for `*` alone.
 
-        `on_message` is called on the event loop for every whole message and must not block. What it raises is
-        logged and counted; `on_gone` is told the slave URI of each publisher that has gone for good. A node has one
+        `on_message` is called on the event loop for every whole message and must not block. Its exceptions are logged
+        and counted; `on_gone` is told the slave URI of each publisher that has gone for good. A node has one
         subscription of a topic at a time.
 
         Raises:

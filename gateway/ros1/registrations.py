@@ -38,9 +38,9 @@ class Changes:
 class Registrations:
     """Tracks the wanted registrations and those that the master may hold.
 
-    A call that failed may still have arrived: whatever was tried counts as held until it is unregistered, or until the
-    master, which goes by role, topic and node alone, took another type in its place. What is wanted anew is registered
-    anew, since the answer tells whoever wants it now who is there.
+    A call that failed may still have arrived: a registration that was tried counts as held until it is unregistered, or
+    until the master, which goes by role, topic and node alone, took another type in its place. A registration that is
+    wanted again is made again, because the new client needs the answer, which lists the other nodes.
     """
 
     def __init__(self, node: str) -> None:

@@ -16,7 +16,7 @@ class SimClock:
     """A clock set by messages; it may go backward.
 
     used: whether ROS time is this clock's and not the system's. now_ns: 0 until it was told. jumps: how often it went
-    back, as it does when a bag that is played begins again: what was said of times before is of another round.
+    back, as it does when a bag that is played begins again: earlier times are then of another round.
     """
 
     def __init__(self) -> None:

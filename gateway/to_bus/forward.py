@@ -30,7 +30,7 @@ looks at.
 class Forward:
     """A stream offered on the bus.
 
-    subscription and latched: there while it is subscribed on ROS; what they counted is the stream's afterwards.
+    subscription and latched: there while it is subscribed on ROS; their counts are added to the stream's afterwards.
     broken_before: what the subscription counted for others before it became the stream's too.
     """
 
@@ -85,7 +85,7 @@ class Forward:
     async def _stay_subscribed(self, topics: Subscriptions) -> None:
         """Subscribe on ROS all the time, and anew when wanted after a pause, to forget publishers that left.
 
-        Of what a publisher latches in a pause, whoever subscribes after it is handed the last message alone.
+        A subscription made after a pause gets only the last message that a publisher latched in it.
         """
         while True:
             async with asyncio.TaskGroup() as group:

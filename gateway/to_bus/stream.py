@@ -44,7 +44,7 @@ _SEQ: Final = struct.Struct("<I")
 class Gaps:
     """Counts messages of a topic that did not arrive, by its publishers' sequence numbers.
 
-    Nodes that pass on another's messages pass on their numbers too: what `throttle` leaves out counts as missing.
+    Nodes that pass on another's messages pass on their numbers too: messages that `throttle` drops count as missing.
     """
 
     def __init__(self) -> None:
@@ -101,15 +101,15 @@ log = logging.getLogger(__name__)
 MALFORMED: Final = "malformed"
 MISMATCH: Final = "of a type that the stream cannot carry"
 
-_THINNED: Final = (ImageFrame, PointCloud, RawMessage)
+_RATE_LIMITED: Final = (ImageFrame, PointCloud, RawMessage)
 
 
 class StreamForward:
     """Translates a topic's messages to the fleet's schema.
 
     boot_id: this gateway process. Numbers count on while nobody listens and the topic is not subscribed.
-    thinning: leaves out frames beyond the stream's rate, before they are numbered. useful: tells, of a frame that is
-        here at a time in nanoseconds since the epoch, whether anybody can use it.
+    rate_limiter: leaves out frames beyond the stream's rate, before they are numbered. useful: tells, of a frame that
+        is here at a time in nanoseconds since the epoch, whether anybody can use it.
     """
 
     def __init__(
@@ -118,14 +118,14 @@ class StreamForward:
         topic: str,
         kind: StreamKind,
         boot_id: str,
-        thinning: StreamRate | None = None,
+        rate_limiter: StreamRate | None = None,
         *,
         useful: Callable[[int], bool] = lambda _: True,
     ) -> None:
         self.key = key
         self.topic = topic
         self.kind = kind
-        self.thinning = thinning
+        self.rate_limiter = rate_limiter
         self._useful = useful
         self._robot, self._camera = owner_of(key)
         self._boot_id = boot_id
@@ -201,9 +201,9 @@ class StreamForward:
 
     def _one_too_many(self, message: codec.Message, now_ns: int) -> str:
         """Return the reason to leave a message out, or an empty string."""
-        if self.thinning is None or not isinstance(message, _THINNED):
+        if self.rate_limiter is None or not isinstance(message, _RATE_LIMITED):
             return ""
-        if not self.thinning.passes(message.header.stamp_ns, now_ns):
+        if not self.rate_limiter.passes(message.header.stamp_ns, now_ns):
             return THINNED
         return "" if self._useful(now_ns) else BEYOND_USE
 
@@ -264,7 +264,7 @@ class StreamForward:
         """Return the stream's status, which accounts for every message.
 
         replaced: how many payloads a newer one replaced before the link. output: what became of them before that.
-        These and `broken_links` are about what goes on now; what was told to `retire` is added. now_ns: as `take` has
+        These and `broken_links` are about what goes on now; counts given to `retire` are added. now_ns: as `take` has
         it.
         """
         shaped = self._shaped + (output or OutputCounts())

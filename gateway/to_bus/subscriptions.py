@@ -241,8 +241,8 @@ class Subscriptions:
     ) -> AsyncIterator[Subscription]:
         """Receive a topic; see `Node.subscribe`. Readers of one topic must accept the same types.
 
-        What latching publishers sent before is taken first. on_unkept: told the size in bytes of each such message
-        that is there no longer, since there was no room for it.
+        Messages that latching publishers sent before are taken first. on_unkept: told the size in bytes of each such
+        message that is there no longer, since there was no room for it.
         """
         reader = _Reader(on_message, on_gone)
         if topic not in self._shared:

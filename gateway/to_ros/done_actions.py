@@ -21,7 +21,7 @@ def state_folder() -> Path | None:
 
 
 class DoneActions:
-    """The ids of actions that a robot has done. What cannot be read or written is logged; the robot goes on.
+    """The ids of actions that a robot has done. Errors in reading or writing the file are logged; the robot goes on.
 
     folder: where the robot's file is; None remembers nothing beyond the process.
     """

@@ -222,7 +222,7 @@ class StreamReturn(Generic[R]):
     def status(self, *, wanted: bool, subscribers: int, slow: int) -> ReturnStatus:
         """Return the stream's status, which accounts for every message.
 
-        slow: how many were replaced while they waited for a ROS subscriber; what was told to `retire` is added.
+        slow: how many were replaced while they waited for a ROS subscriber; counts given to `retire` are added.
         """
         return ReturnStatus(
             camera=owner_of(self.key)[1],

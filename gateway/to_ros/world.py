@@ -36,7 +36,7 @@ POINT_BYTES: Final = 12
 FIELDS: Final = tuple(PointField(name, 4 * number, FLOAT32, 1) for number, name in enumerate("xyz"))
 
 OWN_NS: Final = 2_000_000_000
-"""What the robot itself saw so lately is in its own sensors' part of the costmap already."""
+"""Objects that the robot itself saw this recently are in its own sensors' part of the costmap already."""
 
 NS: Final = 1_000_000_000
 

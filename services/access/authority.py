@@ -33,7 +33,7 @@ AUTHORITY: Final = "ca"
 
 AUTHORITY_DAYS: Final = 3_650
 HERE: Final = ("localhost", "127.0.0.1")
-"""What runs on a machine itself, such as the doctor, connects to these."""
+"""Programs on the same machine, such as the doctor, connect to these."""
 
 REVOKED: Final = "revoked"
 

@@ -216,7 +216,7 @@ class EnrolmentServer:
 async def _tls_stream(
     connected: socket.socket, tls: ssl.SSLContext
 ) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
-    """Open TLS on an accepted connection; at the end, what was written is sent, unless it failed."""
+    """Open TLS on an accepted connection; at the end, written bytes are sent, unless it failed."""
     loop = asyncio.get_running_loop()
     reader = asyncio.StreamReader(protocol.MAX_BYTES)
     streams = asyncio.StreamReaderProtocol(reader)

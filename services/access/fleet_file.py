@@ -91,7 +91,7 @@ class Members(BaseModel):
 
 
 class FleetFile(Members):
-    """Who belongs to the fleet: those of each warehouse, and those of all."""
+    """The members of the fleet: those of each warehouse, and those of all."""
 
     denied: list[Names] = Field(default=[], max_length=MAX_NAMES)
     warehouses: dict[Annotated[str, AfterValidator(_checked)], Members] = {}

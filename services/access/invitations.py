@@ -24,7 +24,7 @@ class InvitationError(Exception):
 
 
 class Invitation(msgspec.Struct, frozen=True):
-    """What a token is good for.
+    """The certificate that a token is exchanged for.
 
     until: its end; used, used_from: when it was, and from which address. hosts, days, replace: of the certificate, as
     for `Authority.admit`.

@@ -23,7 +23,7 @@ READ: Final = ("fleet/**", "workers/**")
 
 
 class Role(StrEnum):
-    """What a certificate is for. A robot's has no role in the file: its name is among the robots."""
+    """The purpose of a certificate. A robot's has no role in the file: its name is among the robots."""
 
     DETECTOR = "detector"
     SPACE = "space"
@@ -62,7 +62,7 @@ class Permissions:
 
 
 FOLLOWS_MODELS: Final = Permissions(asks=(ModelKey.LIST, ModelKey.PIECE), hears=(ModelKey.REGISTRY,), learns=())
-"""What detectors do with the model registry, on robots too: operators alone publish, put in force and go back."""
+"""Detectors, on robots too, read the model registry; only operators publish, put in force and go back."""
 
 
 def of_robot(name: str) -> Permissions:

@@ -69,7 +69,7 @@ class CloudCamera:
         self,
         bus: Bus,
         key: CameraKey,
-        account: Tally,
+        tally: Tally,
         *,
         worker: str,
         executor: Executor,
@@ -80,12 +80,12 @@ class CloudCamera:
     ) -> None:
         self._bus = bus
         self._key = key
-        self._account = account
+        self._tally = tally
         self._worker = worker
         self._executor = executor
         self._limits = limits
         self._target_frame = target_frame
-        self._waiting = CloudJoiner(account, target=target_frame, tolerance_ns=tolerance_ns, budget=budget)
+        self._waiting = CloudJoiner(tally, target=target_frame, tolerance_ns=tolerance_ns, budget=budget)
         self._news = asyncio.Event()
 
     async def run(self, points: CameraKey, publish: Callable[[ObjectClouds], None]) -> None:
@@ -113,7 +113,7 @@ class CloudCamera:
                 group.create_task(read(detections, Detections, self._key, MALFORMED, self._detections))
                 await self._work(publish)
         finally:
-            self._account.dropped[UNWANTED] += waiting.end()
+            self._tally.dropped[UNWANTED] += waiting.end()
 
     def _static(self, sent: Transforms) -> None:
         self._waiting.transforms(sent, static=True)
@@ -138,21 +138,21 @@ class CloudCamera:
         try:
             async for sample in samples:
                 if schema in _LOST:
-                    self._account.dropped[_LOST[schema]] += sample.replaced
+                    self._tally.dropped[_LOST[schema]] += sample.replaced
                 message = self._decoded(sample, schema, of, malformed)
                 if message is not None:
                     take(message)
                     self._news.set()
         finally:
             if schema is Detections:
-                self._account.dropped[UNWANTED] += samples.counts.unread
+                self._tally.dropped[UNWANTED] += samples.counts.unread
 
     def _decoded(self, sample: Sample, schema: type[M], of: CameraKey | RobotStreamKey, malformed: str) -> M | None:
         try:
             message = codec.decode(schema, sample.payload, sample.encoding)
             codec.check_identity(message.header, of)  # type: ignore[union-attr]
         except SchemaError as error:
-            self._account.dropped[malformed] += 1
+            self._tally.dropped[malformed] += 1
             log.warning("%s: left out: %s", sample.key, error)
             return None
         return message
@@ -173,16 +173,16 @@ class CloudCamera:
         try:
             reason = await self._publish_clouds(matched, publish)
         except asyncio.CancelledError:
-            self._account.dropped[UNWANTED] += 1
+            self._tally.dropped[UNWANTED] += 1
             raise
         except Exception as error:  # noqa: BLE001 - whatever is wrong with an answer, it fails alone
             log.warning("%s: frame %d failed: %r", self._key, matched.detections.header.seq, error)
             reason = FAILED
             publish(nothing(matched.detections, "it failed", self._worker).clouds)
         if reason:
-            self._account.dropped[reason] += 1
+            self._tally.dropped[reason] += 1
         else:
-            self._account.done += 1
+            self._tally.done += 1
 
     async def _publish_clouds(self, matched: Matched, publish: Callable[[ObjectClouds], None]) -> str:
         """Return why no object has a cloud, or an empty string."""

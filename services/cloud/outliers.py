@@ -51,9 +51,9 @@ _CORNER: Final = np.float32(SIDE**2 + SIDE + 1)
 def own(depths: Sequence[Floats], widths: Floats, around: Sequence[Floats]) -> list[Selection | None]:
     """Return which points belong to each object, None for all of them.
 
-    Those on its nearest substantial surface are, and on what is close behind it; what shows through gaps, or beside
-    edges that the mask missed, is on surfaces of its own behind it. But what is mostly around the mask is something
-    before the object, and a substantial surface that hardly is around it is the object's too: something splits it.
+    Those on its nearest substantial surface belong to it, and those close behind; the background, seen through gaps or
+    beside edges that the mask missed, is on surfaces of its own behind it. But a surface mostly around the mask is
+    something before the object, and a substantial surface hardly around it is the object's too: something splits it.
 
     depths: of each object's points along the view, at least one and all above 0. widths: (n,) how wide it is, in
     metres at 1 m. around: depths just outside of it, some of which may be no readings.

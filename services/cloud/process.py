@@ -93,8 +93,8 @@ class CloudWorker:
                     self._sensors.note(sensor, alive=presence.alive)
                     self._changed.pop(sensor.camera.robot, asyncio.Event()).set()
 
-    async def _serve(self, key: CameraKey, account: Tally, took_over: Callable[[], None]) -> None:
-        camera = self._camera(key, account)
+    async def _serve(self, key: CameraKey, tally: Tally, took_over: Callable[[], None]) -> None:
+        camera = self._camera(key, tally)
 
         async def work(publisher: Publisher) -> None:
             def publish(clouds: ObjectClouds) -> None:
@@ -106,11 +106,11 @@ class CloudWorker:
         clouds = ResultStream(key.stream(Stream.OBJECTS), ObjectClouds, QoS.IMAGE)
         await publish_while_wanted(self._bus, [clouds], work, took_over)
 
-    def _camera(self, key: CameraKey, account: Tally) -> CloudCamera:
+    def _camera(self, key: CameraKey, tally: Tally) -> CloudCamera:
         return CloudCamera(
             self._bus,
             key,
-            account,
+            tally,
             worker=self._settings.worker,
             executor=self._executor,
             limits=self._settings.limits,

@@ -1,9 +1,9 @@
 """Fits the faces of upright boxes to noisy readings of a depth camera, for many objects at once. Pure.
 
 A plane's inverse depth is linear in the direction that a pixel looks in, and there a stereo camera's noise is as large
-far away as near. Of a box one sees at most two upright faces that meet in a corner, and its top or its underside; what
-is seen of it is at each pixel the farthest of these planes, the one of the least inverse depth. A ray that leads away
-from one of them misses the box.
+far away as near. Of a box one sees at most two upright faces that meet in a corner, and its top or its underside. Each
+pixel shows the farthest of these planes, the one of the least inverse depth. A ray that leads away from one of them
+misses the box.
 
 Directions are (3, ...) along level axes, the third one up, of points at a depth of 1; a form is what a plane's inverse
 depth is of a direction: their scalar product.

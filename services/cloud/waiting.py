@@ -56,9 +56,9 @@ class CloudJoiner:
     """
 
     def __init__(
-        self, account: Tally, *, target: str, tolerance_ns: int | None = None, budget: MemoryBudget | None = None
+        self, tally: Tally, *, target: str, tolerance_ns: int | None = None, budget: MemoryBudget | None = None
     ) -> None:
-        self._account = account
+        self._tally = tally
         self._target = target
         self._clouds: Joiner[PointCloud] = Joiner(POINTS, tolerance_ns=tolerance_ns, budget=budget)
         self._waiting: deque[tuple[Detections, float]] = deque()
@@ -74,7 +74,7 @@ class CloudJoiner:
     def detections(self, found: Detections, now_s: float) -> None:
         """Add detections newer than the last; at a take-over one of two workers may lag behind."""
         if not self._order.take(found.header, round(now_s * 1e9)):
-            self._account.dropped[DUPLICATE] += 1
+            self._tally.dropped[DUPLICATE] += 1
             return
         if len(self._waiting) >= MAX_WAITING:
             self._drop(1)
@@ -83,7 +83,7 @@ class CloudJoiner:
     def points(self, cloud: PointCloud) -> None:
         """Add points; they are kept for the detections of their instant. Those without a stamp have none."""
         if not cloud.header.stamp_ns:
-            self._account.dropped[UNSTAMPED] += 1
+            self._tally.dropped[UNSTAMPED] += 1
             return
         self._clouds.keep(cloud.header.stamp_ns, cloud, cloud.data.nbytes)
         self._count()
@@ -119,11 +119,11 @@ class CloudJoiner:
         return waited
 
     def _count(self) -> None:
-        self._account.add(POINTS, self._clouds.dropped)
-        self._account.add(TRANSFORMS, self.tree.rejected)
+        self._tally.add(POINTS, self._clouds.dropped)
+        self._tally.add(TRANSFORMS, self.tree.rejected)
 
     def _drop(self, count: int) -> None:
-        self._account.dropped[REPLACED] += count
+        self._tally.dropped[REPLACED] += count
         for _ in range(count):
             self._waiting.popleft()
 

@@ -45,7 +45,7 @@ VIEW: Final = "view"
 class DistanceCamera:
     """The parts that measure one camera. worker: this worker's name. executor: runs the arithmetic."""
 
-    account: DetectionCounts
+    tally: DetectionCounts
     sensed: SensorHistory
     views: Views
     criteria: Criteria
@@ -77,11 +77,11 @@ class Viewing:
 
 async def work(bus: Bus, camera: DistanceCamera, publisher: Publisher, done: Callable[[], None]) -> None:
     """Measure a camera's newest detections until cancelled. done: called after each of them."""
-    key = camera.account.camera
+    key = camera.tally.camera
     depth = Wanted(StreamKey(key, Stream.DEPTH), clock_id(), camera.worker)
     consumer = new_consumer(bus.certificate)  # not the worker: other cameras here want them too
     transforms = Wanted(RobotStreamKey(key.robot, TF), clock_id(), consumer)
-    taking = SensorInput(camera.account, camera.sensed)
+    sensor_input = SensorInput(camera.tally, camera.sensed)
     try:
         async with (
             bus.announce(str(depth)),
@@ -89,39 +89,39 @@ async def work(bus: Bus, camera: DistanceCamera, publisher: Publisher, done: Cal
             asyncio.TaskGroup() as group,
             bus.subscribe(key.stream(Stream.DETECTIONS), LATEST, history=False) as samples,
         ):
-            group.create_task(taking.run(bus))
+            group.create_task(sensor_input.run(bus))
             try:
                 async for sample in samples:
-                    camera.account.dropped[REPLACED] += sample.replaced
-                    await _take(camera, sample, publisher, taking.news)
+                    camera.tally.dropped[REPLACED] += sample.replaced
+                    await _take(camera, sample, publisher, sensor_input.news)
                     done()
             finally:
-                camera.account.dropped[UNWANTED] += samples.counts.unread
+                camera.tally.dropped[UNWANTED] += samples.counts.unread
     finally:
-        taking.end()
+        sensor_input.end()
 
 
 async def _take(camera: DistanceCamera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:
     try:
         await _answer(camera, sample, publisher, news)
     except SchemaError as error:
-        camera.account.malformed("detections")
-        log.warning("%s: detections left out: %s", camera.account.camera, error)
+        camera.tally.malformed("detections")
+        log.warning("%s: detections left out: %s", camera.tally.camera, error)
 
 
 async def _answer(camera: DistanceCamera, sample: Sample, publisher: Publisher, news: asyncio.Event) -> None:
     seen = codec.decode(Detections, sample.payload, sample.encoding)
-    codec.check_identity(seen.header, camera.account.camera)
-    if not camera.account.is_new(seen.header):
+    codec.check_identity(seen.header, camera.tally.camera)
+    if not camera.tally.is_new(seen.header):
         return
     try:
         await _measure(camera, seen, sample.received_ns, publisher, news)
     except asyncio.CancelledError:
-        camera.account.dropped[UNWANTED] += 1
+        camera.tally.dropped[UNWANTED] += 1
         raise
     except Exception as error:  # noqa: BLE001 - whatever is wrong with an answer, it fails alone
-        camera.account.dropped[FAILED] += 1
-        log.warning("%s: frame %d failed: %r", camera.account.camera, seen.header.seq, error)
+        camera.tally.dropped[FAILED] += 1
+        log.warning("%s: frame %d failed: %r", camera.tally.camera, seen.header.seq, error)
 
 
 async def _measure(
@@ -136,14 +136,14 @@ async def _measure(
         if not measured:
             raise
         viewed = False
-        camera.account.add(VIEW, Counter({FAILED: 1}))
-        log.warning("%s: the view of frame %d failed: %r", camera.account.camera, seen.header.seq, error)
+        camera.tally.add(VIEW, Counter({FAILED: 1}))
+        log.warning("%s: the view of frame %d failed: %r", camera.tally.camera, seen.header.seq, error)
     if not measured and not viewed:
-        camera.account.dropped[UNWANTED] += 1
+        camera.tally.dropped[UNWANTED] += 1
     elif isinstance(moment.instant, str):
-        camera.account.dropped[UNJOINED] += 1
+        camera.tally.dropped[UNJOINED] += 1
     else:
-        camera.account.done += 1
+        camera.tally.done += 1
 
 
 async def _publish_distances(

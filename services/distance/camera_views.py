@@ -32,7 +32,7 @@ OUTLIERS: Final = 0.02
 """Share of an object's readings that may reach farther than it is said to."""
 
 STEP: Final = 2
-"""Every so manieth reading of an object counts for its reach."""
+"""Every n-th reading of an object counts for its reach."""
 
 MOST_MM: Final = 65_535
 DIRECTIONS: Final = level_directions(REACHES)

@@ -17,7 +17,7 @@ NEEDED: Final = 3
 """Keypoints with a reading that an object's distance takes."""
 
 REACH_M: Final = 1.5
-"""How far from an object's distance its keypoints may be, as a hand is; what is farther is something else's."""
+"""How far from an object's distance its keypoints may be, as a hand is; farther readings are of something else."""
 
 _PATCH: Final = np.array([(x, y) for y in range(-2, 3) for x in range(-2, 3)]).T
 """Pixels around a keypoint that are looked at: columns and rows from its own."""

@@ -47,9 +47,9 @@ class DistanceWorker:
         """Work until cancelled; then hand over and end."""
         await self._worker.run()
 
-    async def _serve(self, key: CameraKey, account: DetectionCounts, took_over: Callable[[], None]) -> None:
+    async def _serve(self, key: CameraKey, tally: DetectionCounts, took_over: Callable[[], None]) -> None:
         async def measure(distances: Publisher, views: Publisher) -> None:
-            await work(self._bus, self._camera(account, views), distances, took_over)
+            await work(self._bus, self._camera(tally, views), distances, took_over)
 
         streams = (
             ResultStream(key.stream(Stream.DISTANCES), Distances, QoS.RESULT),
@@ -57,9 +57,9 @@ class DistanceWorker:
         )
         await publish_while_wanted(self._bus, streams, measure, took_over)
 
-    def _camera(self, account: DetectionCounts, views: Publisher) -> DistanceCamera:
+    def _camera(self, tally: DetectionCounts, views: Publisher) -> DistanceCamera:
         return DistanceCamera(
-            account=account,
+            tally=tally,
             sensed=SensorHistory(
                 self._settings.frames,
                 Joiner(DEPTH_IMAGE, tolerance_ns=self._settings.tolerance_ns, budget=self._budget),

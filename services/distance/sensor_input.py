@@ -58,9 +58,9 @@ H = TypeVar("H", ImageFrame, CameraInfo)
 class SensorInput:
     """Fills `sensed` with data from one camera's robot. news: set whenever more has arrived."""
 
-    def __init__(self, account: DetectionCounts, sensed: SensorHistory) -> None:
-        self._key = account.camera
-        self._account = account
+    def __init__(self, tally: DetectionCounts, sensed: SensorHistory) -> None:
+        self._key = tally.camera
+        self._tally = tally
         self._sensed = sensed
         self.news = asyncio.Event()
 
@@ -89,18 +89,18 @@ class SensorInput:
         async with bus.subscribe(key, keep, history=lasting) as samples:
             async for sample in samples:
                 if keep != LATEST:
-                    self._account.add(what, Counter({TOO_MANY: sample.replaced} if sample.replaced else {}))
+                    self._tally.add(what, Counter({TOO_MANY: sample.replaced} if sample.replaced else {}))
                 try:
                     accept(sample)
                 except SchemaError as error:
-                    self._account.malformed(what)
+                    self._tally.malformed(what)
                     log.warning("%s: %s left out: %s", self._key, what, error)
                 self.news.set()
 
     def _depth(self, sample: Sample) -> None:
         frame = self._of_camera(ImageFrame, sample)
         if not frame.header.stamp_ns:
-            self._account.add(DEPTH_IMAGE, Counter({STAMPLESS: 1}))
+            self._tally.add(DEPTH_IMAGE, Counter({STAMPLESS: 1}))
             return
         self._sensed.depths.keep(frame.header.stamp_ns, frame, frame.data.nbytes)
         self._count()
@@ -124,8 +124,8 @@ class SensorInput:
         self._count()
 
     def _count(self) -> None:
-        self._account.add(DEPTH_IMAGE, self._sensed.depths.dropped)
-        self._account.add(TRANSFORMS, self._sensed.transforms.rejected)
+        self._tally.add(DEPTH_IMAGE, self._sensed.depths.dropped)
+        self._tally.add(TRANSFORMS, self._sensed.transforms.rejected)
 
     def _of_camera(self, schema: type[H], sample: Sample) -> H:
         message = codec.decode(schema, sample.payload, sample.encoding)

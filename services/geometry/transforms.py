@@ -28,7 +28,7 @@ Numbers = NDArray[np.float64]
 
 KEEP_NS: Final = 10_000_000_000
 JUMP_NS: Final = 1_000_000_000
-"""Stamps of one frame that go back by more than this are of a clock that jumped: what was kept of it is forgotten."""
+"""Stamps of one frame that go back by more than this are of a clock that jumped: its kept transforms are dropped."""
 
 SILENT_NS: Final = 1_000_000_000
 """A transform that is still published arrives at shorter intervals than this."""

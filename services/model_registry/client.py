@@ -21,7 +21,7 @@ from schemas.models import (
 from schemas.worker_keys import ModelKey
 
 AT_ONCE: Final = 2
-"""Pieces in flight: what the link brings beyond them would queue behind the fleet's own messages."""
+"""Pieces in flight: more would queue behind the fleet's own messages."""
 
 PIECE_S: Final = 20.0
 LAST_PIECE_S: Final = 60.0

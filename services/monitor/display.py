@@ -21,7 +21,8 @@ from rich.text import Text
 
 from schemas.keys import CameraKey
 from schemas.printing import printable
-from services.monitor.event_loop import in_daemon_thread, in_turns
+from services.monitor.event_loop.blocking_calls import in_daemon_thread
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.fleet import Age, Fleet, Row
 from services.monitor.formats import limited, problem_lines
 from services.monitor.inventory.availability import AvailabilityTracker

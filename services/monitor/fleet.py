@@ -20,11 +20,11 @@ from services.monitor.inventory.member_limit import MAX_MEMBERS, check_room, fir
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.liveness import STALE_S, WORKER_ONLINE_NS, CameraLiveness, camera_state, is_stale
 from services.monitor.map.last_seen import SightingMap
-from services.monitor.map.sites import Sites
 from services.monitor.robot_clocks import MAX_LAG_NS, Clocks
 from services.monitor.status_bytes import StatusBytes
 from services.monitor.warehouses.reports import Warehouses
 from services.monitor.world.site_objects import World
+from services.monitor.world.site_status import Sites
 
 RATE_WINDOW_S: Final = 5.0
 MAX_AGES: Final = 100_000
@@ -32,8 +32,8 @@ MOST_ARRIVALS: Final = 64
 DAY_NS: Final = 86_400 * NS
 LATE_NS: Final = 2 * NS
 LATE_FOR_NS: Final = 10 * NS
-"""No mere outage held up lists that keep coming for so long and were longer than LATE_NS on their way: what it held up
-comes at once. It is over when none came for as long."""
+"""No mere outage held up lists that keep coming for so long and were longer than LATE_NS on their way: lists that an
+outage held up come at once. It is over when none came for as long."""
 
 
 SLOW_LINK: Final = "has class lists that arrive more than 2 s late; on a slow link, set --uplink-mbit"
@@ -196,7 +196,7 @@ class Fleet:
         """Take a class list that arrived at `received_ns` (epoch) and `now_s` (any steady clock).
 
         Returns:
-            What changed in the inventory; None for a list about a frame that is not newer than the camera's last one.
+            The changes of the inventory; None for a list about a frame that is not newer than the camera's last one.
         """
         key = camera_key(seen.header.robot, seen.header.camera)
         lag_ns = self._lag_ns(seen.header, received_ns)

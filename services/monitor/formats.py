@@ -17,7 +17,7 @@ DIGITS: Final = 3
 """Digits after the decimal point: millimetres, milliseconds and thousandths, the precision of all data here."""
 
 _FORMULA: Final = re.compile(r"(\A|[;\t\r\n]\s*)(?=[=+\-@\t\r\n])")
-"""What comes before characters that make spreadsheets evaluate text: classes and workers may have any name."""
+"""The places where spreadsheets take text for a formula: names of classes and workers may hold any characters."""
 
 
 def rounded(value: T) -> T:
@@ -60,7 +60,7 @@ def epoch_ns(at: datetime) -> int:
 
 
 def as_text(value: Any) -> Any:
-    """Return a CSV cell that no spreadsheet evaluates: what begins like a formula gets a leading `'`.
+    """Return a CSV cell that no spreadsheet evaluates: text that begins like a formula gets a leading `'`.
 
     Also behind what spreadsheets of other countries, or with other settings, take for the end of a cell.
     """

@@ -8,7 +8,7 @@ from uuid import uuid4
 from bus import LATEST, Bus, BusSettings, Publisher, QoS
 from bus.session.probe import own_listeners, why_not_taken
 from schemas import keys
-from services.monitor.liveness import PULSE_S, STALLED_S
+from services.monitor.liveness import HEARTBEAT_S, STALLED_S
 
 PROBE_S: Final = 10.0
 """Interval between tests of the own listeners."""
@@ -64,7 +64,7 @@ class Health:
     async def _beat(self, publisher: Publisher) -> None:
         while True:
             publisher.put(b"")
-            await asyncio.sleep(PULSE_S)
+            await asyncio.sleep(HEARTBEAT_S)
 
     async def _probe(self, settings: BusSettings) -> None:
         """Open a session over each own listener now and then. No link is to spare for that where all are in use."""

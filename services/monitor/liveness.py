@@ -11,11 +11,11 @@ This module has the definitions and thresholds; every other module asks it.
 | stale | camera | offline, or its newest class list is older | STALE_S, 3 s | `--stale-s` |
 | silent | camera | online and stale, after at least one class list | STALE_S, 3 s | `--stale-s` |
 | silent | robot | online, but no message from it, or every online camera is stale | ROBOT_SILENT_NS, 5 s | none |
-| available | view of a camera | online and not lost, MIN_LISTS lists, the newest recent | STALE_S, 3 s | `--stale-s` |
+| available | camera, view | online and not lost, MIN_LISTS lists, the newest recent | STALE_S, 3 s | `--stale-s` |
 | lost | view of a camera | no class list | LOST_S, 60 s | `--lost-s` |
 | live | pose of a robot | online, and the pose is recent | POSE_LIVE_NS, 5 s | none |
 | fresh | object on the map | seen recently | OBJECT_FRESH_NS, 10 s | none |
-| deaf | monitor | its own heartbeat is late, or it has no link | lease + 2 x PULSE_S | `--lease-s` |
+| deaf | monitor | its own heartbeat is late, or it has no link | lease + 2 x HEARTBEAT_S | `--lease-s` |
 | settled | monitor | not deaf, and all who are there had time to appear | SETTLE_NS, 3 s + lease | `--lease-s` |
 | stalled | monitor | its own heartbeat is late enough to be reported | STALLED_S, 10 s | none |
 
@@ -50,7 +50,7 @@ OBJECT_FRESH_NS: Final = 10 * SECOND_NS
 SETTLE_NS: Final = 3 * SECOND_NS
 """Time after the start of a monitor, or after a lost link, in which all who are there appear."""
 
-PULSE_S: Final = 1.0
+HEARTBEAT_S: Final = 1.0
 """Seconds between two heartbeats that the monitor sends to itself."""
 
 NETWORK_GRACE_S: Final = 1.0
@@ -136,7 +136,7 @@ class Heartbeat:
     def __init__(self, heard: Callable[[], float | None], lease_s: float) -> None:
         self._heard = heard
         self.lease_s = lease_s
-        self._late_s = lease_s + 2 * PULSE_S
+        self._late_s = lease_s + 2 * HEARTBEAT_S
         self._settle_s = SETTLE_NS / SECOND_NS + lease_s
         self._settled_s = 0.0
         self.heard_s = 0.0

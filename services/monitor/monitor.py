@@ -13,9 +13,9 @@ from schemas.alerts import Alert, AlertState
 from schemas.worker_keys import DETECTOR, OPINION
 from services.model_registry.serving import ModelService
 from services.monitor.alerting.alerting import Alerting
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.duplicate_gateways import DUPLICATE_GATEWAY
-from services.monitor.event_loop import CachedValue, in_turns
+from services.monitor.event_loop.cached_value import CachedValue
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive, HistoryQuery
@@ -25,6 +25,7 @@ from services.monitor.inventory.inventory import Entry
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.rules.loading import remarks
 from services.monitor.rules.model import RuleBook, WorldRule
+from services.monitor.rules.rule_file import RuleFile
 from services.monitor.settings import MonitorSettings
 from services.monitor.snapshot import FleetView, Snapshot, SnapshotMaker, Workers, known_until_ns
 from services.monitor.warehouses.centre_link import CentreLink
@@ -175,7 +176,7 @@ class Monitor:
 
     @property
     def open_to_all(self) -> str:
-        """What anybody may do who reaches the router inside this monitor, or empty."""
+        """A warning if anybody who reaches the router inside this monitor may use it, or empty."""
         return OPEN if open_endpoints(self.settings) else ""
 
     def problems(self) -> list[str]:

@@ -21,9 +21,9 @@ from schemas.status import GatewayStatus, WorkerStatus
 from schemas.world import SiteStatus
 from services.model_registry.serving import ModelService, serving_models
 from services.monitor.alerting.alerting import Alerting
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.display import Problems, show
-from services.monitor.event_loop import AT_ONCE, arrivals_in_turns, in_turns, keep_collections_short
+from services.monitor.event_loop.cooperative_yielding import AT_ONCE, arrivals_in_turns, in_turns
+from services.monitor.event_loop.gc_tuning import keep_collections_short
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive
@@ -36,8 +36,10 @@ from services.monitor.join_address import how_to_join
 from services.monitor.liveness import Heartbeat
 from services.monitor.map.floor_plan import load_floor_plan
 from services.monitor.monitor import Monitor
-from services.monitor.requests import answer_inventory, measure_clocks
+from services.monitor.requests.clock_readings import measure_clocks
+from services.monitor.requests.inventory_queries import answer_inventory
 from services.monitor.robot_clocks import Arrival, ClockHoldback
+from services.monitor.rules.rule_file import RuleFile
 from services.monitor.settings import MonitorSettings
 from services.monitor.warehouses.reporting import report_to_centre
 from services.monitor.web.auth.store import UserStore, users_url

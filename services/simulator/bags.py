@@ -70,7 +70,7 @@ class Recording:
         """Write the indices and give the bags their final names. Empty bags are removed.
 
         Raises:
-            BagError: they cannot be written; what there is of them keeps its unfinished name.
+            BagError: they cannot be written; unfinished bags keep their unfinished names.
         """
         with self._explained(), ExitStack() as all_of_them:
             for path, writer in self._writers.items():

@@ -18,7 +18,7 @@ def console() -> NoReturn:
         signal.signal(number, _leave_at_once)
     stdio.prepare()
     faulthandler.enable()  # a crash in a library, or a watchdog that ends the process, leaves a stack of each thread
-    # What the command line needs takes a while to import.
+    # The command line takes a while to import.
     from services.toolbox import command_line, process  # noqa: PLC0415
 
     process.leave(command_line.main(sys.argv[1:]))

@@ -35,7 +35,7 @@ def run(main: Callable[[], Awaitable[int | None]], *, finite: bool = False) -> i
     is ignored (nohup).
 
     A process that has not ended DEADLINE_S after the first signal, or that gets a second one, is left at once. Once a
-    signal has ended `main`, nobody waits for what threads are doing for it: what is to be saved it has waited for.
+    signal has ended `main`, nobody waits for its threads: `main` itself has waited for anything that is to be saved.
     A slow reader of the output of `main` is waited for, unless a signal ended it. systemd is told that it runs, and
     while its event loop turns.
     """

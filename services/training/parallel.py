@@ -17,7 +17,7 @@ Job = TypeVar("Job")
 def run(work: Callable[[Job], None], jobs: Sequence[Job], workers: int, report: Callable[[int], None]) -> None:
     """Run all jobs, in this process if one is enough, and report the number done after each.
 
-    Where `report` or a job raises, what has not begun never does. work: what other processes can import.
+    Where `report` or a job raises, jobs that have not begun never do. work: a function that other processes can import.
     """
     if workers == 1 or len(jobs) < 2:
         _report_each(map(work, jobs), report)

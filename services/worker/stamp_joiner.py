@@ -14,7 +14,7 @@ ITEM_BYTES: Final = 1024
 """The approximate overhead of an item besides its data."""
 
 JUMP_NS: Final = 1_000_000_000
-"""Stamps that go back by more than this are of a clock that jumped: what was kept is of another round."""
+"""Stamps that go back by more than this are of a clock that jumped: kept items are of another round."""
 
 UNKNOWN_PERIOD_NS: Final = 33_333_333
 LONGEST_PERIOD_NS: Final = 200_000_000

@@ -13,10 +13,10 @@ from services.geometry.rotation import matrix_of
 
 CELL_M: Final = 1.0
 STEP: Final = 2
-"""Every so manieth column and row of a view's grid is a look."""
+"""Every n-th column and row of a view's grid is a look."""
 
 LOW_M: Final = 0.35
-"""What is lower counts as floor."""
+"""Lower points count as floor."""
 
 FARTHEST_M: Final = 12.0
 WIDEST_M: Final = 60.0
@@ -78,8 +78,8 @@ class Floor:
     def message(self, site: str, now_ns: int) -> FloorLooks:
         """Return the floor as others get it: a rectangle of at most MAX_CELLS.
 
-        Where that is too small for all blocks, those are in it that are around the one with most others near it: what a
-        robot with a wrong pose saw far away leaves room for the floor that there is.
+        Where that is too small for all blocks, those are in it that are around the one with most others near it: floor
+        seen far away by a robot with a wrong pose leaves room for the real floor.
         """
         low, looked_ns = self._rectangle()
         ages = np.clip((now_ns - looked_ns) // 1_000_000_000, 0, LONG_AGO)

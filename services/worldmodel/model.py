@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from schemas.distances import CameraView
 from services.worldmodel.association import Assignment, assign, close, displaced, near, once_each
+from services.worldmodel.class_names import NAMED_NS, Vocabulary
 from services.worldmodel.classes import Classes
 from services.worldmodel.events import Event
-from services.worldmodel.evidence import FARTHEST_M, NAMED_NS, Looks, Vocabulary, floor_levels, look
+from services.worldmodel.evidence import FARTHEST_M, Looks, look
+from services.worldmodel.floor_levels import floor_levels
 from services.worldmodel.frames import Frames, rounds
 from services.worldmodel.fusion import draw_to_poses, fuse, is_compound
 from services.worldmodel.motion import drifts, move, moves
-from services.worldmodel.names import CameraName, Numbers
+from services.worldmodel.name_limits import CameraName, NameNumbers
 from services.worldmodel.object_lifecycle import ObjectLifecycle, Rules, gain, note_seers
 from services.worldmodel.objects import Index, Objects
 from services.worldmodel.offsets import RIGHT, Offsets
@@ -48,9 +50,9 @@ _MORE_CAMERAS: Final = 256
 
 
 class SiteModel:
-    """One site's objects. Nothing that views say makes it raise; what is left out is counted by robot and reason.
+    """One site's objects. No content of views makes it raise; sightings left out are counted by robot and reason.
 
-    Of robots that were forgotten it is counted without their names.
+    Those of forgotten robots are counted without their names.
 
     identify: told, of each view, the numbers of the objects that its detections belong to, by their `index`.
     """
@@ -64,8 +66,8 @@ class SiteModel:
         self.rules = rules or Rules()
         self.classes = classes or Classes()
         self.offsets = Offsets(self.rules.localisation)
-        self.robots = Numbers("")
-        self.cameras = Numbers(("", ""))
+        self.robots = NameNumbers("")
+        self.cameras = NameNumbers(("", ""))
         self.left_out: Counter[tuple[str, str]] = Counter()
         self._identify = identify
         self.views = 0
@@ -115,7 +117,7 @@ class SiteModel:
         self._swept_ns = min(self._swept_ns, now_ns)
 
     def forget(self, robots: Collection[str], cameras: Collection[CameraName]) -> None:
-        """Forget robots and cameras: their numbers are for others from now on. What they saw stays."""
+        """Forget robots and cameras: their numbers are for others from now on. The objects that they saw stay."""
         robot_numbers, camera_numbers = (
             np.array(each, np.intp) for each in (self.robots.forget(robots), self.cameras.forget(cameras))
         )

@@ -1,4 +1,4 @@
-"""Follows things that move while they are seen: what is missed at its place and found close by keeps its id. Pure."""
+"""Follows objects that move in view: one that is missed at its place and found close by keeps its id. Pure."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -36,7 +36,7 @@ VARIANCE_M2: Final = 0.09
 """Of edges of what has just moved: the next sightings settle them anew."""
 
 CLEAR_M: Final = 6.0
-"""What is farther away is seen too coarsely to tell a motion by."""
+"""Objects farther away are seen too coarsely to tell a motion."""
 
 WHOLE: Final = 0.2
 """Share by which the width of what has moved may differ from what it was."""
@@ -69,8 +69,8 @@ def moves(
 ) -> Moves:
     """Return which sightings of nothing known are of objects that have moved since they were last seen.
 
-    pairs: of sightings and objects near them. at_ns: of each view. What does not move by itself must be seen to
-    have left its place, and what does must not be seen there still.
+    pairs: of sightings and objects near them. at_ns: of each view. An object that does not move by itself must be seen
+    to have left its place; one that does must not be seen there still.
     """
     row, of = pairs
     free = np.zeros(len(seen), np.bool_)

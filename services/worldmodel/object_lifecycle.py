@@ -57,20 +57,20 @@ Rows = NDArray[np.intp]
 Floats = NDArray[np.float64]
 
 NS: Final = 1_000_000_000
-YOUNG: Final = 8
-"""Objects that were seen more often have their box fitted now and then only."""
+ALWAYS_FIT_UP_TO_HITS: Final = 8
+"""Boxes of objects with more hits are not fitted at each sighting, but once in `Rules.fit_every`."""
 
-SETTLING: Final = 20
-"""Sightings that settle where something is that does not move by itself."""
+HITS_TO_SETTLE: Final = 20
+"""Objects of classes that do not move by themselves can be told as moved only after so many sightings."""
 
 MOVING_M_S: Final = 0.2
-"""What is seen moving faster than this is where it is seen, whatever edges of it are known."""
+"""An object that moves faster than this is placed where it was last seen."""
 
-SELDOM: Final = 0.35
-"""What is seen less often than this share of the times that it should be, is nothing."""
+MIN_SEEN_SHARE: Final = 0.35
+"""Misses alone discard only objects seen in a smaller share of the views that should show them."""
 
-LASTING: Final = 0.5
-"""Log-odds below which misses alone do not bring an object that was seen often."""
+LOGIT_FLOOR_FOR_MISSES: Final = 0.5
+"""Misses alone do not lower the log-odds of an object that is seen often below this."""
 
 UNCONFIRMED_NS: Final = 60 * NS
 MOST_ROWS: Final = 1 << 32
@@ -97,7 +97,7 @@ class ObjectLifecycle:
         self._dropped: list[int] = []
 
     def begin(self) -> None:
-        """Begin a batch: what was told of the last one is told; rows of what went then may be used again."""
+        """Begin a batch: events of the last one have been told, and rows of objects dropped in it are free again."""
         self.events = []
         self._free += self._dropped
         self._dropped = []
@@ -138,7 +138,7 @@ class ObjectLifecycle:
         self._unconfirmed.forget(robots)
 
     def _allowed(self, frames: Frames, seen: Sightings, new: Rows) -> tuple[Rows, Rows]:
-        """Return the new objects that there is room for, and a row for each; what is left out is counted."""
+        """Return the new objects that there is room for, and a row for each; the others are counted."""
         frame = seen.frame[new]
         nth = np.arange(len(new)) - np.searchsorted(frame, frame)
         kept, rows = [], []
@@ -207,7 +207,7 @@ class ObjectLifecycle:
         if not len(rows):
             return
         frame_of = frame[first]
-        due = (objects.fits[rows] >= rules.fit_every) | (objects.hits[rows] <= YOUNG)
+        due = (objects.fits[rows] >= rules.fit_every) | (objects.hits[rows] <= ALWAYS_FIT_UP_TO_HITS)
         due |= self._classes.moves[objects.cls[rows]]
         self.fit(rows[due])
         self._merge(frames, frame_of[due], rows[due], looks, found)
@@ -235,7 +235,7 @@ class ObjectLifecycle:
     def _is_settled(self, rows: Rows) -> NDArray[np.bool_]:
         """Return which objects can have moved; of what was seen a few times, only the estimate is better by now."""
         objects = self.objects
-        settled = (objects.hits[rows] > SETTLING) | self._classes.moves[objects.cls[rows]]
+        settled = (objects.hits[rows] > HITS_TO_SETTLE) | self._classes.moves[objects.cls[rows]]
         young = rows[~settled]
         objects.told_edges[young] = objects.measured(young)
         found_now = np.isnan(objects.told_edges[rows])
@@ -292,8 +292,8 @@ class ObjectLifecycle:
         loss = np.bincount(at, np.where(missed.past, rules.past, weak))
         objects.looks[rows] += np.bincount(at, rate)
         np.maximum.at(objects.looked_ns, missed.rows, frames.at_ns[missed.frame])
-        lasting = objects.confirmed[rows] & ~past & (objects.hits[rows] >= SELDOM * objects.looks[rows])
-        least = np.where(lasting, np.minimum(objects.logit[rows], LASTING), -np.inf)
+        lasting = objects.confirmed[rows] & ~past & (objects.hits[rows] >= MIN_SEEN_SHARE * objects.looks[rows])
+        least = np.where(lasting, np.minimum(objects.logit[rows], LOGIT_FLOOR_FOR_MISSES), -np.inf)
         objects.logit[rows] = np.maximum(objects.logit[rows] - loss, least)
         for row in rows[objects.logit[rows] < rules.gone].tolist():
             if objects.confirmed[row]:

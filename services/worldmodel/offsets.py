@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from services.worldmodel.evidence import FloorLevels
+from services.worldmodel.floor_levels import FloorLevels
 
 Rows = NDArray[np.intp]
 Floats = NDArray[np.float64]
@@ -45,38 +45,37 @@ JUMP_M_S: Final = 4.0
 
 JUMP_M: Final = 0.5
 TRUST_VIEWS: Final = 3
-ALONE_VIEWS: Final = 30
-"""Views that must fit until a robot is trusted again; after a jump to where nothing is known, so many.
+"""Fitting views before a doubted robot is trusted again. As many contradicting views make it doubted: fewer than remove
+a well-known object, so a lost robot is doubted first."""
 
-As many views that contradict let it be doubted as let it be trusted: fewer than the looks past a well known object that
-let it be gone, so that a lost robot is doubted before.
-"""
+ALONE_VIEWS_TO_TRUST: Final = 30
+"""Views before a robot is trusted again after a jump into unknown territory, where no known object can confirm it."""
 
-FEWEST: Final = 3
-"""Each object that a view finds counts PER_OBJECT, up to so many of them; where it contradicts, each that it should
-show, or of what no other robot saw, each that it misses."""
+OBJECTS_COUNTED_PER_VIEW: Final = 3
+"""Most objects of a view that change trust, by TRUST_PER_OBJECT each: of a fitting view the found ones, of others those
+that it should show, or, where no other robot saw the missed ones, these."""
 
-PER_OBJECT: Final = ALONE_VIEWS // FEWEST
-MOST_TRUST: Final = TRUST_VIEWS * ALONE_VIEWS
-FIRST_TRUST: Final = ALONE_VIEWS
-"""Trust in a robot of which nothing is known, or that did not fit lately."""
+TRUST_PER_OBJECT: Final = ALONE_VIEWS_TO_TRUST // OBJECTS_COUNTED_PER_VIEW
+MOST_TRUST: Final = TRUST_VIEWS * ALONE_VIEWS_TO_TRUST
+FIRST_TRUST: Final = ALONE_VIEWS_TO_TRUST
+"""Trust in an unsure robot: none of its views has fitted yet, or none lately."""
 
-PER_STRANGE: Final = 5
-MOST_STRANGE: Final = 2
-"""What each thing that such a robot sees elsewhere costs it, and how many count in a view: three views of two things
-use its trust up, before these are confirmed. A single one does not: it may be new, and is known soon."""
+PENALTY_PER_NEW_OBJECT: Final = 5
+MOST_NEW_OBJECTS_COUNTED: Final = 2
+"""Trust that an unsure robot loses for each unknown object in a contradicting view, and how many of them count. Three
+views of two objects use up its trust before these are confirmed; a single object may be new, and is known soon."""
 
-FOUND: Final = 0.34
-"""The share of the objects that a view should show which it must find to fit."""
+MIN_FOUND_SHARE: Final = 0.34
+"""A view fits if it finds at least this share of the objects that it should show."""
 
-ELSEWHERE: Final = 0.34
-"""A view contradicts that shows new things, at least so many for each known one that it misses."""
+MIN_NEW_PER_MISSED: Final = 0.34
+"""A view contradicts if it shows at least so many new objects for each known one that it misses."""
 
-EMPTY: Final = 0.5
-"""The share of missed ones that a view must look past to show an emptied place; others may be there, undetected."""
+MIN_EMPTIED_SHARE: Final = 0.5
+"""A view shows an emptied place if it looks past this share of the missed objects; others may be there, undetected."""
 
-PER_EMPTIED: Final = 12
-"""What each view of a place that is empty now adds to a robot's trust: an unsure one needs five of them."""
+TRUST_PER_EMPTIED_VIEW: Final = 12
+"""Trust that a robot gains by each view of an emptied place: an unsure one needs five of them."""
 
 CHANGED_VIEWS: Final = 100
 """If so many views contradict, and no robot is trusted anew meanwhile, the site has changed and nobody is lost."""
@@ -223,13 +222,13 @@ class Offsets:
         own = seen_by_others == 0
         strange = np.where(own, np.minimum(strange, missed), strange)
         nothing_expected = expected == 0
-        fits = ~nothing_expected & (found >= FOUND * expected)
+        fits = ~nothing_expected & (found >= MIN_FOUND_SHARE * expected)
         shows_floor, deep = self.floors.compare(self._camera[robots], floor_m)
         deep &= ~fits
         unlike = ~nothing_expected & ~fits & ~deep
         telling = (looked_past > 0) | (missed > 1)  # the detector may miss one that is there
-        elsewhere = unlike & telling & (strange >= ELSEWHERE * missed)
-        emptied = unlike & ~elsewhere & (looked_past >= EMPTY * missed) & shows_floor
+        elsewhere = unlike & telling & (strange >= MIN_NEW_PER_MISSED * missed)
+        emptied = unlike & ~elsewhere & (looked_past >= MIN_EMPTIED_SHARE * missed) & shows_floor
         astray = (doubted == LOST) | (doubted == JUMPED)
         wrong = elsewhere | (deep & ~nothing_expected)
         counts = self._counts(robots, wrong)
@@ -238,12 +237,14 @@ class Offsets:
         self._contradicted += int((contradicts & moved_on).sum())
         changed = contradicts & (self._contradicted >= CHANGED_VIEWS)
         wrong &= ~changed
-        weight = np.where(deep, FEWEST, np.minimum(np.where(own, missed, expected), FEWEST))
-        others = np.where(deep, MOST_STRANGE, np.minimum(strange, MOST_STRANGE))
-        cost = np.where(sure, weight * PER_OBJECT, others * PER_STRANGE)
+        weight = np.where(
+            deep, OBJECTS_COUNTED_PER_VIEW, np.minimum(np.where(own, missed, expected), OBJECTS_COUNTED_PER_VIEW)
+        )
+        others = np.where(deep, MOST_NEW_OBJECTS_COUNTED, np.minimum(strange, MOST_NEW_OBJECTS_COUNTED))
+        cost = np.where(sure, weight * TRUST_PER_OBJECT, others * PENALTY_PER_NEW_OBJECT)
         alone = nothing_expected & ((doubted == JUMPED) | ((doubted == WRONG_DEPTH) & shows_floor))
-        gained = np.where(fits, np.minimum(expected, FEWEST) * PER_OBJECT, 0)
-        gained += np.where(emptied & ~astray & (sure | moved_on), PER_EMPTIED, 0)
+        gained = np.where(fits, np.minimum(expected, OBJECTS_COUNTED_PER_VIEW) * TRUST_PER_OBJECT, 0)
+        gained += np.where(emptied & ~astray & (sure | moved_on), TRUST_PER_EMPTIED_VIEW, 0)
         gained += np.where(changed | alone, TRUST_VIEWS, 0)
         gained -= np.where(wrong & counts, cost, 0)
         trust = np.clip(self._trust[robots] + gained, 0, MOST_TRUST)

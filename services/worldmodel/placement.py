@@ -1,7 +1,7 @@
 """Places the objects of views in the map: the edges of their outlines, which are measured, and how well. Pure.
 
-An outline is its support in 12 level directions: the farthest that the object reaches along each. What a camera sees of
-an object settles its edges on the camera's side and to the left and right; those behind it are not measured.
+An outline is its support in 12 level directions: the farthest that the object reaches along each. A camera measures the
+edges on its own side and to the left and right; those behind the object are not measured.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ FACING: Final = -0.03
 
 FLAT_M: Final = 0.1
 FLAT_SIGMAS: Final = 2.0
-"""What is thinner than so many metres, and standard deviations of depth, is a single face."""
+"""Outlines thinner than so many metres, and standard deviations of depth, are of a single face."""
 
 BESIDE: Final = -0.05
 """The cosine between a face's normal and a direction up to which the face's end is the object's."""
@@ -54,7 +54,7 @@ BORDER: Final = 0.3
 SIDE: Final = 0.3
 CUT_M: Final = 0.25
 CUT_SHARE: Final = 0.05
-"""What is nearer than an object by so much, beside it in the image, hides a part of it."""
+"""Readings beside an object in the image that are nearer by this much are of something that hides a part of it."""
 
 FARTHEST_M: Final = 30.0
 HIGHEST_M: Final = 50.0
@@ -197,7 +197,7 @@ def _hidden(
 def _faces(reach: Floats, towards: Floats, depth: Floats) -> tuple[Bools, Floats]:
     """Return of which objects a single flat face is seen, and its normal, level and towards the camera (n, 2).
 
-    What is behind a face is not measured by its ends. A line's widths are W |cos|, so their squares have one harmonic.
+    A face's ends do not measure what is behind it. A line's widths are W |cos|, so their squares have one harmonic.
     """
     squares = np.square(reach[:, :HALF] + reach[:, HALF:])
     cos, sin = (squares @ _DOUBLED).T

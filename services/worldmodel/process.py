@@ -88,7 +88,7 @@ class WorldWorker:
     def _is_mine(self, site: str) -> bool:
         key = site_key(site)
         if self._assignment.took(key) - {self._settings.worker}:
-            self._assignment.forget(key)  # nobody is idle that leaves a site to whoever has it
+            self._assignment.forget(key)  # another worker serves it, so its owner by hash does not count as idle
             return False
         return self._assignment.owner(key, asyncio.get_running_loop().time()) == self._settings.worker
 
@@ -108,8 +108,9 @@ class WorldWorker:
         return True
 
     async def _serve(self, site: str) -> None:
+        # announce first: loading takes long, and no other worker may take the site meanwhile
         async with self._bus.announce(str(Serves(SERVICE, self._settings.worker, site_key(site)))):
-            await self._keep_site(site)  # which may take long to begin: nobody else is to take it meanwhile
+            await self._keep_site(site)
 
     async def _keep_site(self, site: str) -> None:
         file = self._file(site)
@@ -180,7 +181,7 @@ def _read(file: Path) -> bytes:
     except FileNotFoundError:
         return b""
     except OSError as error:
-        log.warning("%s: not read, begun anew: %s", file, error.strerror)
+        log.warning("%s: cannot be read (%s); starting with an empty site", file, error.strerror)
         return b""
 
 

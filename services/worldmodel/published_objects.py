@@ -1,4 +1,4 @@
-"""What others get of a site's model: its objects, changes, and what is near a robot. Pure."""
+"""A site's model as messages: its objects, their changes, and the objects near a robot. Pure."""
 
 from collections.abc import Iterable, Sequence
 from itertools import islice
@@ -124,7 +124,7 @@ class PublishedObjects:
     def nearby(self, robot: str, radius_m: float, since_ns: int) -> list[WorldObject]:
         """Return the confirmed objects near a robot that were seen since then, nearest first.
 
-        What moves, stands where the robot does, and is seen by others alone is the robot itself.
+        An object that moves, stands where the robot does, and is seen only by others is the robot itself.
         """
         model = self.model
         number = model.robots.find(robot)

@@ -33,7 +33,7 @@ from schemas.world import (
 )
 from services.worldmodel.floor import Floor
 from services.worldmodel.model import SiteModel
-from services.worldmodel.names import CameraName, LeftOut, Roster
+from services.worldmodel.name_limits import CameraName, LeftOutCounts, NameLimit
 from services.worldmodel.object_lifecycle import Rules
 from services.worldmodel.offsets import Localisation
 from services.worldmodel.published_objects import PublishedObjects
@@ -54,16 +54,16 @@ FAILED: Final = "of views that could not be taken in, see the log"
 
 
 class ViewReader:
-    """Decodes views. frame: of the site's map. roster: whose views there is room for.
+    """Decodes views. frame: of the site's map. name_limit: whose views there is room for.
 
     elsewhere: robots of other sites, whose views are none of this one's. left_out: counts, by robot and reason.
     """
 
-    def __init__(self, frame: str, roster: Roster, elsewhere: Collection[str] = ()) -> None:
+    def __init__(self, frame: str, name_limit: NameLimit, elsewhere: Collection[str] = ()) -> None:
         self._frame = frame
-        self._roster = roster
+        self._name_limit = name_limit
         self._elsewhere = elsewhere
-        self.left_out = LeftOut()
+        self.left_out = LeftOutCounts()
 
     def read(self, samples: Sequence[Sample]) -> list[tuple[CameraView, int]]:
         """Return the views of some samples, each with when it was taken, in that order."""
@@ -88,7 +88,7 @@ class ViewReader:
         if view.frame_id != self._frame:
             self.left_out.add(robot, OTHER_FRAME)
             return None
-        full = self._roster.admit(robot, camera.camera, sample.received_ns)
+        full = self._name_limit.admit(robot, camera.camera, sample.received_ns)
         if full:
             self.left_out.add(robot, full)
             return None
@@ -102,26 +102,26 @@ class ViewReader:
 log = logging.getLogger(__name__)
 
 AT_ONCE: Final = 48
-"""Views that are taken in together. Of each camera only the newest waits: who is late is so for a moment."""
+"""Views that are taken in together. Of each camera only the newest waits, so a backlog lasts a moment."""
 
 KEPT: Final = 100
 STATE_S: Final = 2.0
 KEEP_EVERY: Final = 5
-"""Every so manieth state is kept in a file."""
+"""Every n-th state is kept in a file."""
 
 REFRESH_S: Final = 1.0
-SPARE: Final = 1.4
-"""The model takes localisation to be worse than it is said to be: estimates of it err, too."""
+DRIFT_SAFETY_FACTOR: Final = 1.4
+"""Factor on --drift-m and --drift-deg, because users' estimates are often too low."""
 
 
 class Site:
-    """One site's model on the bus. saved_state: of the worker that served it before; nothing to begin anew."""
+    """One site's model on the bus. saved_state: of the worker that served it before; nothing to start empty."""
 
     def __init__(self, bus: Bus, settings: WorldSettings, name: str, saved_state: bytes = b"") -> None:
         self._bus = bus
         self._settings = settings
         self._name = name
-        usual = Localisation(settings.drift_m * SPARE, radians(settings.drift_deg) * SPARE)
+        usual = Localisation(settings.drift_m * DRIFT_SAFETY_FACTOR, radians(settings.drift_deg) * DRIFT_SAFETY_FACTOR)
         self.model = SiteModel(Rules(localisation=usual, most_objects=settings.most_objects))
         prefix, self._last = uuid4().hex[:6], 0
         if saved_state:
@@ -129,12 +129,12 @@ class Site:
                 prefix, self._last = restored(name, saved_state, self.model, randbelow(RUNS))
                 self.model.set_back(time.time_ns())  # its clock may have been ahead
             except StateError as error:
-                log.warning("site %s: begun anew: %s", name, error)
+                log.warning("site %s: its state cannot be used (%s); starting with an empty site", name, error)
         self._published = PublishedObjects(name, prefix, self.model)
         self._epoch = uuid4().hex[:12]
         self._floor = Floor()
-        self._roster = Roster((camera for camera, _ in self.model.cameras.items()), time.time_ns())
-        self._reader = ViewReader(settings.frame, self._roster, settings.elsewhere(name))
+        self._name_limit = NameLimit((camera for camera, _ in self.model.cameras.items()), time.time_ns())
+        self._reader = ViewReader(settings.frame, self._name_limit, settings.elsewhere(name))
         self._nearby: dict[str, Task[None]] = {}
         self._failed: set[str] = set()
         self._lag_ns = 0
@@ -167,7 +167,7 @@ class Site:
                 self._heed_clock(now_ns := time.time_ns())
                 self._lag_ns = max(0, now_ns - batch[0].received_ns)
                 found = self._reader.read(batch)
-                self._forget(*self._roster.take_left())
+                self._forget(*self._name_limit.take_left())
                 usual = [each for each in found if each[0].header.robot not in self._failed]
                 for some in (usual, *([each] for each in found if each[0].header.robot in self._failed)):
                     self._take(told, some)
@@ -178,8 +178,8 @@ class Site:
     def _take(self, told: Publisher, views: Sequence[tuple[CameraView, int]]) -> None:
         """Take views in, and tell what changed.
 
-        Whatever a view does that nobody expected, others count: each is then taken alone, and so are all later ones of
-        the robot whose view it was.
+        A view that raises an unexpected error does not cost the others: they are then taken one by one, and so are all
+        later ones of the robot whose view it was.
         """
         try:
             try:
@@ -205,7 +205,7 @@ class Site:
         """Notice that the system clock was set back: until it were as late again, nothing would be new."""
         if now_ns < self._now_ns - SET_BACK_NS:
             log.warning("the clock was set back by %.0f s", (self._now_ns - now_ns) / 1e9)
-            for each in (self.model, self._floor, self._roster):
+            for each in (self.model, self._floor, self._name_limit):
                 each.set_back(now_ns)
         self._now_ns = now_ns
 

@@ -68,7 +68,7 @@ def covers_several(seen: Sightings, objects: Objects, row: Rows, of: Rows, to_ri
 
 
 def shifted(edges: Floats, before: Floats) -> Floats:
-    """Return how far outlines have moved at least, in metres: what may be growth at one side is no motion.
+    """Return how far outlines have moved at least, in metres; possible growth at one side is no motion.
 
     before: NaN for edges that are not known now, or were not then; these tell nothing, nor do those opposite.
     """

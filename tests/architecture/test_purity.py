@@ -29,6 +29,9 @@ IMPURE = frozenset(
         "zenoh",
     }
 )
+FILE_METHODS = frozenset({"open", "read_bytes", "read_text", "write_bytes", "write_text"})
+"""Methods of paths. `Image.open` is not meant: pure modules give it bytes."""
+
 FEWEST = 150
 """How many modules are marked at least: a mark is not dropped to get around this test."""
 
@@ -56,6 +59,14 @@ def imported_by(source: str) -> set[str]:
     return found
 
 
+def files_accessed_by(source: str) -> set[str]:
+    """Return the calls in a module that read or write a file, other than those of modules that it may not import."""
+    calls = [node.func for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]
+    functions = {each.id for each in calls if isinstance(each, ast.Name)} & {"open"}
+    methods = [each for each in calls if isinstance(each, ast.Attribute) and each.attr in FILE_METHODS]
+    return functions | {each.attr for each in methods if ast.unparse(each.value) != "Image"}
+
+
 def test_pure_modules_import_nothing_impure() -> None:
     pure = list(pure_modules())
     assert len(pure) >= FEWEST
@@ -70,3 +81,21 @@ def test_pure_modules_import_nothing_impure() -> None:
 @pytest.mark.parametrize("source", ["import time", "from os import path", "def f():\n    import asyncio"])
 def test_every_form_of_import_is_seen(source: str) -> None:
     assert imported_by(source) & IMPURE
+
+
+def test_pure_modules_access_no_files() -> None:
+    found = {
+        str(path.relative_to(ROOT)): sorted(calls)
+        for path in pure_modules()
+        if (calls := files_accessed_by(path.read_text(encoding="utf-8")))
+    }
+    assert not found
+
+
+@pytest.mark.parametrize("source", ["open(name)", "with path.open() as file:\n    pass", "(folder / name).read_text()"])
+def test_every_form_of_file_access_is_seen(source: str) -> None:
+    assert files_accessed_by(source)
+
+
+def test_images_in_memory_are_no_files() -> None:
+    assert not files_accessed_by("Image.open(BytesIO(data))")

@@ -71,7 +71,7 @@ async def test_a_wanted_stream(*, latch: bool, settings: dict[str, object]) -> N
         async def life() -> None:
             key = StreamKey(FRONT, Stream.COLOR)
             shaping = Shaping(ShapingSettings.model_validate(settings), Consumers("r1", "here", near=True))
-            stream = StreamForward(key, TOPIC, kind_of(key), "boot", shaping.thinning(key))
+            stream = StreamForward(key, TOPIC, kind_of(key), "boot", shaping.rate_limiter(key))
             async with (
                 Node("/gateway", master_uri=master.uri, exit_timeout=60) as node,
                 node.advertise(TOPIC, TYPE_NAME, latch=latch) as publication,

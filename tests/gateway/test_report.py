@@ -47,12 +47,12 @@ def test_a_topic_that_is_taken_for_another_stream_is_not_gone() -> None:
 
 
 def test_a_named_topic_is_said_before_it_is_known_and_once_it_is() -> None:
-    wishes = DiscoverySettings(
+    discovery_settings = DiscoverySettings(
         "r1", dict.fromkeys(plan(graph({IMAGE: "/front/image_raw"}), R1).streams, "/x"), discover=False
     )
-    before = plan([], wishes)
+    before = plan([], discovery_settings)
     assert changes(before) == ["front/color: /x (not known to the ROS master yet)"]
-    now = plan(graph({IMAGE: "/x"}), wishes, before)
+    now = plan(graph({IMAGE: "/x"}), discovery_settings, before)
     assert changes(now, before) == ["front/color: /x (sensor_msgs/Image) now"]
 
 

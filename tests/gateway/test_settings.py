@@ -86,7 +86,7 @@ def test_what_is_wrong_is_named(field: str, value: object, reason: str) -> None:
 def test_streams_are_discovered_where_none_are_named_or_where_asked_for(
     given: dict[str, object], *, discovers: bool
 ) -> None:
-    assert settings(**given).wishes().discover is discovers
+    assert settings(**given).discovery_settings().discover is discovers
 
 
 def test_neither_discovered_nor_named_is_nothing() -> None:
@@ -101,11 +101,11 @@ def test_nodes_are_passive_by_their_whole_names() -> None:
 
 
 def test_patterns_are_of_whole_names() -> None:
-    wishes = settings(allow="/r1/.*|/tf", deny="/r1/infra.*").wishes()
-    assert wishes.allow.fullmatch("/tf")
-    assert not wishes.allow.fullmatch("/tf_static")
-    assert wishes.deny.fullmatch("/r1/infra1/image_raw")
-    assert not settings().wishes().deny.fullmatch("/tf")
+    discovery_settings = settings(allow="/r1/.*|/tf", deny="/r1/infra.*").discovery_settings()
+    assert discovery_settings.allow.fullmatch("/tf")
+    assert not discovery_settings.allow.fullmatch("/tf_static")
+    assert discovery_settings.deny.fullmatch("/r1/infra1/image_raw")
+    assert not settings().discovery_settings().deny.fullmatch("/tf")
 
 
 def test_a_topic_that_only_begins_like_results_is_a_sensors() -> None:
@@ -191,8 +191,8 @@ def test_topics_are_remapped_and_have_one_stream_each_afterwards() -> None:
 
 
 def test_rectified_pictures_are_named() -> None:
-    wishes = GatewaySettings(robot="r1", rectified=["front/color", "front/depth"]).wishes()
-    assert {key.name for key in wishes.rectified} == {"front/color", "front/depth"}
+    discovery_settings = GatewaySettings(robot="r1", rectified=["front/color", "front/depth"]).discovery_settings()
+    assert {key.name for key in discovery_settings.rectified} == {"front/color", "front/depth"}
 
 
 @pytest.mark.parametrize("name", ["front", "front/info", "front/points", "tf", "ros/front"])

@@ -4,9 +4,9 @@ from contextlib import AsyncExitStack
 
 import pytest
 
+from gateway.process import follow_sim_time
 from gateway.ros1.node import Node
 from gateway.ros1.sim_clock import PARAMETER, TOPIC, TYPE_NAME, SimClock
-from gateway.sim_time import follow_sim_time
 from services.simulator.ros_master.master import RosMaster
 from services.toolbox.logs import RateLimit, RateLimitFilter
 from tests.waiting import until

@@ -16,7 +16,7 @@ from schemas.keys import CameraKey, Stream
 from services.monitor.fleet import Fleet
 from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import TrustLimits
-from services.monitor.requests import answer_inventory
+from services.monitor.requests.inventory_queries import answer_inventory
 from tests.contract.conftest import free_endpoint
 from tests.schemas.frames import header
 from tests.waiting import PATIENCE_S, until

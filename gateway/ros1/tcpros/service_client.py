@@ -60,7 +60,7 @@ class ServiceClient:
     ) -> ServiceAnswer:
         """Call a service by its global name; `*` in `expected` accepts any type.
 
-        `make_request` is given the service's type and returns the serialised request; what it raises ends the call
+        `make_request` is given the service's type and returns the serialised request; its exceptions end the call
         before the service is asked for anything.
 
         Raises:
@@ -70,7 +70,7 @@ class ServiceClient:
             ServiceTimeoutError: no answer within `timeout_s` seconds.
             ServiceFailedError: the service says so; the text is its own.
             LinkRefusedError, TypeMismatchError: the service refuses the call, or has another type.
-            WireError: what answers speaks no TCPROS.
+            WireError: the other side speaks no TCPROS.
 
         """
         connection = ServiceConnection(

@@ -117,7 +117,7 @@ class FrameReceiver:
     def _expect(self) -> None:
         """Receive the next frame and its length in their final place if it is like the last two.
 
-        What is only expected leaves room in the budget for the largest frame that may really be under way.
+        An expected frame leaves room in the budget for the largest one that may really be under way.
         """
         size = LENGTH.size + self._last_length
         if self._budget is None or self._budget.has(size - self._taken + self.max_frame_bytes):

@@ -43,7 +43,7 @@ def _encode_field(key: str, value: str) -> bytes:
 def decode_header(body: bytes | bytearray | memoryview) -> dict[str, str]:
     """Return the fields of a header given without its own length prefix; the last of equal keys counts.
 
-    What is not UTF-8 in a value, as comments in old message definitions may not be, is replaced by U+FFFD.
+    Bytes of a value that are not UTF-8, as in comments of old message definitions, become U+FFFD.
 
     Raises:
         HeaderError: a length points outside, a field has no `=`, no key or one that is not UTF-8, or a limit is passed.

@@ -1,7 +1,7 @@
 """Compresses frames: JPEG for colour, lossless for everything else. Pure.
 
-What a method cannot hold is compressed by zstd instead: depth, 16 bits and mosaics are not for JPEG, and metres and
-points not for PNG. What arrived compressed stays as it is.
+Frames that a method cannot hold are compressed by zstd instead: depth, 16 bits and mosaics are not for JPEG, and metres
+and points not for PNG. Frames that arrive compressed stay as they are.
 """
 
 import re

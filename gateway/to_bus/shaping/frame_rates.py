@@ -7,8 +7,9 @@ from itertools import accumulate, pairwise
 from statistics import linear_regression, median_low
 from typing import Any, Final
 
-from gateway.to_bus.shaping.token_bucket import SECOND_NS, TokenBucket
 from gateway.to_bus.shaping.uplink import Moment
+
+SECOND_NS: Final = 1_000_000_000
 
 FITTED_FRAMES: Final = 16
 """Number of last frames that the rhythm is fitted to; after these it follows a change of rate."""
@@ -156,6 +157,31 @@ def _forget_oldest(known: OrderedDict[Any, Any]) -> None:
         known.popitem(last=False)
 
 
+BURST_S: Final = 0.5
+"""Longest delay in transit after which delayed frames may still be sent at once."""
+
+
+class TokenBucket:
+    """Lets through `hz` frames a second, with a burst of BURST_S of them plus one."""
+
+    def __init__(self, hz: float) -> None:
+        self.hz = hz
+        self._most = 1 + BURST_S * hz
+        self._tokens = self._most
+        self._last_ns: int | None = None
+
+    def has_room(self, now_ns: int) -> bool:
+        """Return whether a frame that arrives now may be sent; a clock set back adds no tokens."""
+        since_ns = now_ns if self._last_ns is None else self._last_ns
+        self._tokens = min(self._most, self._tokens + max(0, now_ns - since_ns) * self.hz / SECOND_NS)
+        self._last_ns = now_ns
+        return self._tokens >= 1
+
+    def take(self) -> None:
+        """Count a frame that is sent."""
+        self._tokens -= 1
+
+
 @dataclass(slots=True)
 class _Stream:
     """State of a stream.
@@ -189,8 +215,8 @@ class Instants:
     clocks at once or that run ahead of it, as those of a bag that is played fast, have no more frames sent.
 
     The stream with the first frame of an instant decides for all streams: whatever a stream missed, it sends
-    no frame whose instant another stream left out, nor the other way round. What is picked at a lower rate is picked at
-    a higher one too. A stream whose stamps are never those of the others is picked from by itself. Where streams are
+    no frame whose instant another stream left out, nor the other way round. Instants picked at a lower rate are picked
+    at a higher one too. A stream whose stamps are never those of the others is picked from by itself. Where streams are
     slower than others, a turn waits for the instant at which the slowest is to be expected.
     """
 

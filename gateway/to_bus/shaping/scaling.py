@@ -1,7 +1,8 @@
 """Scales images down by whole factors, and their calibration with them. Pure.
 
 Colour is averaged over blocks. Depth is taken from the middle of each block: the mean across an edge is nowhere. Of a
-mosaic every n-th cell of 2 x 2 is kept, so that it stays one. What fills no block at the right or bottom is cut off.
+mosaic every n-th cell of 2 x 2 is kept, so that it stays one. Pixels at the right or bottom that fill no block are cut
+off.
 """
 
 from typing import Any, Final

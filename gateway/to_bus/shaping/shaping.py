@@ -48,10 +48,10 @@ class Shaping:
         self._settings = settings
         self._consumers = consumers
         self._shared: defaultdict[CameraKey | RobotStreamKey, _Shared] = defaultdict(_Shared)
-        self._workshop = EncoderPool()
+        self._encoder_pool = EncoderPool()
         self._pacer = None if settings.uplink_mbit is None else Pacer(settings.uplink_mbit)
 
-    def thinning(self, key: SensorKey) -> StreamRate | None:
+    def rate_limiter(self, key: SensorKey) -> StreamRate | None:
         """Return the rate limiter of a stream; None if none of its messages may be dropped."""
         if not kind_of(key).is_droppable:
             return None
@@ -67,7 +67,7 @@ class Shaping:
     @contextmanager
     def output(self, key: SensorKey, publisher: Publisher) -> Iterator[StreamOutput]:
         """Return the output of a stream's messages to its publisher."""
-        output = StreamOutput(key, publisher, self._plan(key), self._workshop, self._pacer)
+        output = StreamOutput(key, publisher, self._plan(key), self._encoder_pool, self._pacer)
         shared = self._shared[_sharing(key)]
         shared.outputs += 1
         try:
@@ -108,7 +108,7 @@ class Shaping:
         """Run the encoder pool and the pacer, forever."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self._consumers.follow(bus))
-            group.create_task(self._workshop.run())
+            group.create_task(self._encoder_pool.run())
             if self._pacer is not None:
                 group.create_task(self._pacer.run())
 

@@ -1,16 +1,15 @@
 """The last step of a stream in the gateway: shapes its messages and passes them to their publisher."""
 
 import logging
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Final, Self
 
-from bus import MAX_PAYLOAD_BYTES, Payload, Pieces, Publisher
+from bus import MAX_PAYLOAD_BYTES, SMALL_BYTES, SMALL_WAITING, Payload, Pieces, Publisher
 from gateway.to_bus.shaping.compression import AUTO, LOSSY, NONE, Frame, Method
 from gateway.to_bus.shaping.encoder_pool import EncodeJob, EncoderPool, Shaped
-from gateway.to_bus.shaping.paced_queue import PacedQueue
 from gateway.to_bus.shaping.scaling import ShapingError, scale_info
 from gateway.to_bus.shaping.uplink import Moment
 from gateway.to_bus.shaping.uplink_pacer import Pacer
@@ -66,6 +65,60 @@ class OutputPlan:
         return NONE if self.all_here() else LOSSY
 
 
+WAITING_BYTES: Final = 128 << 10
+"""Most bytes of waiting small messages: a second's worth on a link of 1 Mbit/s."""
+
+
+class PacedQueue:
+    """One stream's messages that wait in order for the uplink's budget.
+
+    It holds the newest SMALL_WAITING messages of up to WAITING_BYTES; one over SMALL_BYTES replaces all.
+    """
+
+    def __init__(self, pacer: Pacer, send: Callable[[Payload], None]) -> None:
+        self._pacer = pacer
+        self._send = send
+        self._waiting: deque[Payload] = deque()
+
+    def put(self, payload: Payload) -> int:
+        """Send a message as soon as the budget allows; return the number of older ones dropped for it."""
+        lost = 0
+        while self._waiting and not self._has_room(len(payload)):
+            self._waiting.popleft()
+            lost += 1
+        self._waiting.append(payload)
+        if lost or len(self._waiting) == 1:
+            self._offer_first()
+        return lost
+
+    def flush(self) -> None:
+        """Send waiting messages at once: no receiver is behind the link."""
+        self._pacer.discard(self)
+        while self._waiting:
+            self._send(self._waiting.popleft())
+
+    def close(self) -> int:
+        """Stop sending; return the number of messages that waited."""
+        self._pacer.discard(self)
+        left = len(self._waiting)
+        self._waiting.clear()
+        return left
+
+    def _has_room(self, size: int) -> bool:
+        small = [len(each) for each in self._waiting if len(each) <= SMALL_BYTES]
+        return size <= SMALL_BYTES and len(self._waiting) < SMALL_WAITING and sum(small) + size <= WAITING_BYTES
+
+    def _offer_first(self) -> None:
+        """Offer the oldest message to the pacer, replacing one that was dropped."""
+        self._pacer.offer(self, self._waiting[0], self._send_first)
+
+    def _send_first(self, payload: Payload) -> None:
+        self._waiting.popleft()
+        self._send(payload)
+        if self._waiting:
+            self._offer_first()
+
+
 class StreamOutput:
     """Takes a stream's messages. Raw frames and messages other than frames are passed on directly."""
 
@@ -74,13 +127,13 @@ class StreamOutput:
         key: SensorKey,
         publisher: Publisher,
         plan: OutputPlan,
-        workshop: EncoderPool | None = None,
+        encoder_pool: EncoderPool | None = None,
         pacer: Pacer | None = None,
     ) -> None:
         self._key = key
         self._publisher = publisher
         self._plan = plan
-        self._workshop = workshop
+        self._encoder_pool = encoder_pool
         self._pacer = pacer
         self._queue = None if pacer is None else PacedQueue(pacer, self._send)
         self._dropped: Counter[str] = Counter()
@@ -110,14 +163,14 @@ class StreamOutput:
         moment = None if self._pacer is None or may_be_last else self._plan.moment_of(frame.header)
         private = self._plan.private
         as_it_is = method.format == RAW and factor == 1 and not private
-        if self._workshop is None and private:
+        if self._encoder_pool is None and private:
             self.on_error(ShapingError("nothing here can blacken it"))
             return
-        if self._workshop is None or (as_it_is and not self._workshop.is_busy_for(self)):
+        if self._encoder_pool is None or (as_it_is and not self._encoder_pool.is_busy_for(self)):
             self._compression = frame.format
             self._pass_on(Pieces(*codec.encode_in_pieces(frame)), moment)
             return
-        self._dropped[REPLACED_BEFORE_SHAPING] += self._workshop.submit(
+        self._dropped[REPLACED_BEFORE_SHAPING] += self._encoder_pool.submit(
             self, EncodeJob(frame, factor, method, moment, private)
         )
 
@@ -179,8 +232,8 @@ class StreamOutput:
 
     def close(self) -> None:
         """Stop sending, and count waiting messages as dropped."""
-        if self._workshop is not None:
-            self._dropped[ENDED] += self._workshop.leave(self)
+        if self._encoder_pool is not None:
+            self._dropped[ENDED] += self._encoder_pool.leave(self)
         if self._pacer is not None:
             self._dropped[ENDED] += self._pacer.discard(self)
         if self._queue is not None:

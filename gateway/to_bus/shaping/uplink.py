@@ -11,7 +11,7 @@ BACKLOG_S: Final = 0.1
 HELD_BYTES: Final = 640 << 10
 """Most bytes that a link buffers of unpaced messages: two batches of 64 KiB in Zenoh, half a MiB in the system.
 
-What is more than that is dropped there, and takes none of the budget later.
+The link drops messages beyond that, so they take none of the budget later.
 """
 
 ROUNDING: Final = 1.0

@@ -31,7 +31,8 @@ class StaticTransforms:
 
     So does a ROS listener. The last message of each publisher would not do: `rosbag play` sends what several recorded
     publishers latched under its one name, and a rospy node what several broadcasters did. Of all that, a new
-    subscription is handed the last message alone; who sends one has not gone, and what it said earlier counts again.
+    subscription is handed the last message alone. A publisher that sends it has not gone, so its earlier messages count
+    again.
     """
 
     def __init__(self) -> None:

@@ -13,9 +13,8 @@ from bus import Bus
 from schemas.alerts import Alert, AlertState
 from schemas.keys import CameraKey
 from services.monitor.alerting.delivery import Delivery
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome
-from services.monitor.event_loop import in_turns
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.history.state import Act
 from services.monitor.inventory.availability import AbsenceTracker, AvailabilityTracker
 from services.monitor.inventory.camera import CameraView
@@ -27,6 +26,7 @@ from services.monitor.rules.engine import MAX_SUBJECTS, RuleEngine
 from services.monitor.rules.findings import CameraState
 from services.monitor.rules.missed_conditions import MissedConditions
 from services.monitor.rules.model import WorldRule
+from services.monitor.rules.rule_file import RuleFile
 from services.monitor.rules.subjects import Effect, UnknownAlertError, linked
 from services.monitor.world.conditions import WorldConditions
 

@@ -27,17 +27,17 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from schemas.alerts import Alert, AlertState
 from services.monitor.history.counting import (
     Counts,
+    cameras_available,
     count_over_time,
     in_stock,
     in_view,
     nothing_counted,
-    spoken_for,
     stock_known,
 )
 from services.monitor.history.engine import CASEFOLD, engine_of, translating
 from services.monitor.history.intervals import Interval
 from services.monitor.history.opening import connect
-from services.monitor.history.rows import act_of_row, alert_of_row, lasting_of_row, select_alerts
+from services.monitor.history.rows import act_of_row, alert_of_row, interval_of_row, select_alerts
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import Act, HistoryError
 from services.monitor.history.tables import (
@@ -187,7 +187,7 @@ class Archive:
             newest_ns = min(at_ns, asked.until_ns, at_ns if after is None else after[0])
             begins = [] if asked.robot else _ever_earlier(newest_ns, asked.since_ns)
             rows = await _last_begun(connection, intervals, query, (*begins, asked.since_ns), limit)
-        return [lasting_of_row(Interval, row, at_ns) for row in rows]
+        return [interval_of_row(Interval, row, at_ns) for row in rows]
 
     async def counts(self, asked: HistoryQuery) -> Counts:
         """Return how many were in view over the time that is asked for, by class."""
@@ -202,8 +202,8 @@ class Archive:
             cameras = {column: value for column, value in places.items() if value}
             classes = {"name": asked.name} if asked.name else {}
             seen = in_view({**cameras, **classes}, await _with_text(connection, asked.text), until_ns)
-            spoken = spoken_for(cameras, until_ns)
-            return await count_over_time(connection, seen, spoken, asked.since_ns, asked.until_ns)
+            available = cameras_available(cameras, until_ns)
+            return await count_over_time(connection, seen, available, asked.since_ns, asked.until_ns)
 
     async def alerts(
         self, asked: HistoryQuery, limit: int, after: AlertCursor | None = None, *, states: Sequence[AlertState] = ()
@@ -233,7 +233,7 @@ class Archive:
         where = [column == value for column, value in given.items() if value]
         query = object_events.select().where(*where, of.until_ns >= asked.since_ns, of.since_ns <= asked.until_ns)
         query = _page(query, (of.until_ns, of.site, of.object, of.kind), limit, after)
-        return [lasting_of_row(ObjectEvent, row) for row in await self._read_later(object_events, query)]
+        return [interval_of_row(ObjectEvent, row) for row in await self._read_later(object_events, query)]
 
     async def stock(self, asked: WorldQuery, limit: int, after: StockCursor | None = None) -> list[StockLevel]:
         """Return the newest stock levels, those that began last first; after the place where another page ended."""
@@ -251,7 +251,7 @@ class Archive:
             at_ns = await _heartbeat_ns(connection)
             begins = _ever_earlier(min(at_ns, asked.until_ns, at_ns if after is None else after[0]), asked.since_ns)
             rows = await _last_begun(connection, stock, query, (*begins, asked.since_ns), limit)
-        return [lasting_of_row(StockLevel, row, at_ns) for row in rows]
+        return [interval_of_row(StockLevel, row, at_ns) for row in rows]
 
     async def stock_counts(self, asked: WorldQuery) -> Counts:
         """Return how many objects a zone held over the time that is asked for, by class."""
@@ -330,7 +330,7 @@ async def _last_begun(
 def _ever_earlier(newest_ns: int, since_ns: int) -> Iterator[int]:
     """Yield times from shortly before the newest one back to `since_ns`.
 
-    Ends have an index and beginnings none: what began after a time is looked for among what ended after it.
+    Ends have an index and beginnings none: rows that began after a time are looked for among those that ended after it.
     """
     back_ns = FIRST_NS
     while newest_ns - back_ns > since_ns:

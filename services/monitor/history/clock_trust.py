@@ -98,7 +98,7 @@ class ClockTrust:
     def trust(self) -> Correction | None:
         """Trust the clock, as an operator confirmed it; return as `advance` does.
 
-        What was kept was kept by a clock that was ahead only if that was set back since, by more than a little.
+        The clock that dated the stored history was ahead only if it has been set back since, by more than a little.
         """
         if self._last is None or self.doubt is None:
             return None

@@ -65,7 +65,7 @@ class Slots:
 class Counts:
     """The maximum of each class in each slot, by slot number; zeros are left out.
 
-    known: the slots of which it is known what was in view, as a camera was spoken for.
+    known: the slots of which it is known what was in view, because a camera was available.
     """
 
     slots: Slots
@@ -112,8 +112,8 @@ def in_view(places: Mapping[str, str], where: Where, open_until_ns: int) -> Coun
     return Counted(intervals, "name", intervals.c.count, places, where, open_until_ns)
 
 
-def spoken_for(places: Mapping[str, str], open_until_ns: int) -> Counted:
-    """Return the times when cameras were live, counted without a class."""
+def cameras_available(places: Mapping[str, str], open_until_ns: int) -> Counted:
+    """Return the times when cameras were available, counted without a class."""
     return Counted(presence, "", literal(1), places, (), open_until_ns)
 
 
@@ -134,10 +134,10 @@ def nothing_counted(since_ns: int, until_ns: int) -> Counts:
 
 
 async def count_over_time(
-    connection: AsyncConnection, seen: Counted, spoken: Counted, since_ns: int, until_ns: int
+    connection: AsyncConnection, seen: Counted, known: Counted, since_ns: int, until_ns: int
 ) -> Counts:
     """Count objects between two times, and find when it is known how many there were."""
-    both, slots = (seen, spoken), _slots(since_ns, until_ns, SLOTS)
+    both, slots = (seen, known), _slots(since_ns, until_ns, SLOTS)
     exactly = [await _rows(connection, each, slots) for each in both]
     looked_at = [each for each, rows in zip(both, exactly, strict=True) if rows is None]
     places = sum([await _number_of_places(connection, each) for each in looked_at])

@@ -135,7 +135,8 @@ def read_name(lock: Path) -> str:
 
 
 BESIDE: Final = ("-wal", "-shm")
-"""As bad where they alone are deleted: whoever opens the database next has others, and they write past each other."""
+"""As bad where they alone are deleted: the next process to open the database makes others, and the two write past each
+other."""
 
 Identity = tuple[int, int]
 

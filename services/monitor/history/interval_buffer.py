@@ -95,8 +95,9 @@ class IntervalBuffer:
     ) -> None:
         """Begin to write where another monitor, or this one, stopped at `heartbeat_ns`.
 
-        stored: what is open there or ended lately. What is there and here at the same time and says the same is one
-        interval, also after a gap no longer than `gap_ns`; what is open there alone ended at the heartbeat.
+        stored: the intervals that are open in the database or ended lately. Stored and open intervals of equal content
+        that overlap, or are at most `gap_ns` apart, are merged; intervals open only in the database ended at the
+        heartbeat.
         followed: another one wrote until then, and so what ended by then, or came before what is open there.
         ended_of: the kind of which `stored` has all that ended within `gap_ns` before: if others of it ended by then,
         they came too late for the last write.

@@ -143,7 +143,7 @@ class Disagreements:
     def note(self, now_ns: int) -> Iterator[None]:
         """Enter the current disagreements, and yield after each camera.
 
-        Cameras at which one model looks by now are looked at once more: what models disagreed about has ended there.
+        Cameras at which one model looks by now are looked at once more: their disagreements have ended.
         """
         for key in {*self._inventory.disputed(), *self._open}:
             camera = self._inventory.camera(key)
@@ -181,14 +181,14 @@ class Disagreements:
                 count=ours,
                 model=primary,
                 other_count=theirs,
-                other_model=_who_counts(camera, name, theirs, since_ns),
+                other_model=_model_counting(camera, name, theirs, since_ns),
             )
             for name, (ours, theirs) in camera.disagreements(since_ns).items()
         }
 
 
-def _who_counts(camera: CameraView, name: str, count: int, since_ns: int) -> str:
-    """Return the model, other than the one that available, that counts so many of a class."""
+def _model_counting(camera: CameraView, name: str, count: int, since_ns: int) -> str:
+    """Return the non-primary model that counts this many objects of a class; empty if none does."""
     return next((view.model for view in camera.others(since_ns) if view.count_of(name) == count), "")
 
 
@@ -201,7 +201,7 @@ class PauseTracker:
         self.begin_anew()
 
     def begin_anew(self) -> None:
-        """Find the silent cameras in a database that has all as live."""
+        """Find the silent cameras in a database that has all as available."""
         self._availability = AvailabilityTracker(self._inventory, self._is_recent, available=True)
 
     def note(self, now_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""Presence of robots' gateways, of live cameras and of monitors. Pure."""
+"""Presence of robots' gateways, of available cameras and of monitors. Pure."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -23,9 +23,9 @@ RESTORED_NS: Final = 86_400 * NS
 
 
 class Presence(StoredInterval, frozen=True, gc=False):
-    """An interval in which a gateway was online, a camera was live, or a monitor raised alerts (neither named).
+    """An interval in which a gateway was online, a camera was available, or a monitor raised alerts (neither named).
 
-    heard_ns: when the last class list of a camera came before it was thought silent.
+    heard_ns: when the last class list of a camera came before it was found silent.
     """
 
     robot: str = ""

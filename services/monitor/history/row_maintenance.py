@@ -134,7 +134,7 @@ async def compact(url: str) -> str:
 
     A file that an earlier release made does so only after this. It takes up to as much free disk as the file has twice:
     for SQLite's temporary copy in SQLITE_TMPDIR, else TMPDIR, else /var/tmp, and for `-wal` beside the file. A monitor
-    that runs keeps no history meanwhile: what changes waits.
+    that runs keeps no history meanwhile: changes wait.
 
     Raises:
         HistoryError: it is no SQLite file, or cannot be written.
@@ -186,7 +186,7 @@ async def begin_correcting(connection: AsyncConnection, correction: Correction) 
 async def correct_some(connection: AsyncConnection) -> bool:
     """Correct about CORRECTED_ROWS rows of one table; return False if there was nothing to correct.
 
-    Oldest first: what is corrected becomes older than that, and is met by no other slice.
+    Oldest first: corrected rows become older than that, and are met by no other slice.
     """
     of = clock_correction.c
     first = clock_correction.select().order_by(of.from_ns, of.name).limit(1)

@@ -53,7 +53,7 @@ TABLES: Final[Mapping[type[StoredInterval], Table]] = {
 """Where each kind of intervals is kept; its columns are their fields, and those of a key."""
 
 
-def row_of_lasting(of: StoredInterval) -> dict[str, Any]:
+def row_of_interval(of: StoredInterval) -> dict[str, Any]:
     """Return an interval's columns."""
     columns = _storable(msgspec.structs.asdict(of))
     if (key := columns.pop("key", None)) is not None:
@@ -61,7 +61,7 @@ def row_of_lasting(of: StoredInterval) -> dict[str, Any]:
     return columns
 
 
-def lasting_of_row(kind: type[L], row: Row[Any], heartbeat_ns: int = 0) -> L:
+def interval_of_row(kind: type[L], row: Row[Any], heartbeat_ns: int = 0) -> L:
     """Return the interval of a row; an open one lasts until the heartbeat.
 
     Raises:

@@ -34,13 +34,13 @@ from services.monitor.history.rows import (
     Upsert,
     act_of_row,
     alert_of_row,
-    lasting_of_row,
+    interval_of_row,
     newest_of_each,
     pose_of_row,
     row_of_act,
     row_of_alert,
     row_of_alert_object,
-    row_of_lasting,
+    row_of_interval,
     row_of_pose,
     select_alerts,
     upsert_of,
@@ -134,10 +134,10 @@ class Store:
         async with self._at_hand():
             for kind, table in TABLES.items():
                 are_open = table.select().where(table.c.open).order_by(table.c.since_ns).limit(MAX_LOADED)
-                going_on += [lasting_of_row(kind, row, at_ns) for row in await self._connection.execute(are_open)]
+                going_on += [interval_of_row(kind, row, at_ns) for row in await self._connection.execute(are_open)]
             last = newest_of_each(intervals).where(intervals.c.open.is_(False), intervals.c.until_ns >= since_ns)
             last = last.order_by(intervals.c.until_ns.desc()).limit(MAX_LOADED)
-            ended = [lasting_of_row(Interval, row) for row in await self._connection.execute(last)]
+            ended = [interval_of_row(Interval, row) for row in await self._connection.execute(last)]
             unresolved = select_alerts().where(UNRESOLVED).limit(MAX_LOADED)
             rows = (await self._connection.execute(unresolved)).all()
             found = [alert_of_row(row) for row in rows]
@@ -159,7 +159,7 @@ class Store:
         async with self._at_hand():
             rows = (await self._connection.execute(newest_of_each(presence).limit(MAX_LOADED))).all()
             await self._connection.commit()
-            every = [lasting_of_row(Presence, row, at_ns) for row in rows]
+            every = [interval_of_row(Presence, row, at_ns) for row in rows]
             return {there.place: there.until_ns for there in every}
 
     async def known_alerts(self, ids: Iterable[str]) -> set[str]:
@@ -188,7 +188,7 @@ class Store:
                 query = table.select().where(*where, of).order_by(ends.desc()).limit(MAX_LOADED - len(rows))
                 rows += (await self._connection.execute(query)).all()
             await self._connection.commit()
-            return sorted((lasting_of_row(kind, row, at_ns) for row in rows), key=lambda each: each.since_ns)
+            return sorted((interval_of_row(kind, row, at_ns) for row in rows), key=lambda each: each.since_ns)
 
     async def poses(self, since_ns: int) -> dict[str, Pose]:
         """Return the poses of robots that are of then, or newer."""
@@ -239,7 +239,7 @@ class Store:
             of_kind[type(each)].append(each)
         async with self._at_hand(), self._connection.begin():
             for kind, those in of_kind.items():
-                await self._put(TABLES[kind], map(row_of_lasting, those))
+                await self._put(TABLES[kind], map(row_of_interval, those))
             changed = list(changed)
             await self._put(alerts, [row_of_alert(alert) for alert in changed])
             await self._put(alert_objects, [row_of_alert_object(alert) for alert in changed if alert.site])

@@ -123,7 +123,7 @@ object_events: Final = _interval_table(
     Column("into", NAME, nullable=False),
     Column("by", NAME, nullable=False),
 )
-"""What became of the objects of sites; see `ObjectEvent`."""
+"""Events of the objects of sites; see `ObjectEvent`."""
 
 poses: Final = Table(
     "poses",

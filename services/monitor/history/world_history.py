@@ -1,4 +1,4 @@
-"""What became of a site's objects, and how many there were over time, as intervals of the history. Pure."""
+"""Events and numbers of a site's objects over time, as intervals of the history. Pure."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Final, Self
@@ -7,8 +7,8 @@ from msgspec.structs import replace
 
 from schemas.world import ChangeKind, WorldChange
 from services.monitor.history.interval_buffer import IntervalBuffer, StoredInterval
-from services.monitor.map.sites import Sites
 from services.monitor.world.site_objects import SITE, World
+from services.monitor.world.site_status import Sites
 
 NS: Final = 1_000_000_000
 

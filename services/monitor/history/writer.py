@@ -1,4 +1,4 @@
-"""Writes the history off the message path: whatever the database does, monitoring continues."""
+"""Writes the history off the message path, so that monitoring continues if the database is slow or fails."""
 
 import asyncio
 import logging
@@ -8,7 +8,8 @@ from itertools import chain
 from typing import Final
 
 from schemas.alerts import Alert
-from services.monitor.event_loop import in_turns, uninterrupted
+from services.monitor.event_loop.blocking_calls import uninterrupted
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.history.clock_trust import Correction
 from services.monitor.history.engine import translating
 from services.monitor.history.interval_buffer import IntervalBuffer
@@ -32,8 +33,8 @@ from services.monitor.history.world_history import WorldHistory
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.inventory.sighting import NS, Change
 from services.monitor.map.last_seen import FORGET_NS, SightingMap
-from services.monitor.map.sites import Sites
 from services.monitor.world.site_objects import World
+from services.monitor.world.site_status import Sites
 
 log = logging.getLogger(__name__)
 

@@ -182,7 +182,7 @@ class AbsenceTracker:
         return (None, now_ns) if since_ns is None else (False, since_ns)
 
     def look_at_camera(self, camera: CameraView, now_ns: int, now_s: float, *, told: bool, ceased: bool) -> None:
-        """Note whether a camera is live. told: it is new, came or went. ceased: it was live until now.
+        """Note whether a camera is available. told: it is new, came or went. ceased: it was available until now.
 
         One that came, or that was not heard of before, has as long until its lists are missed as one that had some.
         """

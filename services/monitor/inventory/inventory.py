@@ -39,7 +39,7 @@ class TrustLimits:
 
 
 class Entry(msgspec.Struct, frozen=True, gc=False):
-    """A sighting, and whether it is current: its robot is online and its camera is live."""
+    """A sighting, and whether its camera is available, so that it is current."""
 
     sighting: Sighting
     available: bool
@@ -108,7 +108,7 @@ class Inventory:
     def forget(self, robot: str) -> None:
         """Leave an offline robot and its cameras out of every list until its gateway is back.
 
-        What is heard of it meanwhile is taken as of any other one.
+        Messages about it are processed as usual meanwhile.
         """
         if robot in self._alive:
             raise ValueError(f"the gateway of {robot} is there")
@@ -229,7 +229,7 @@ class Inventory:
     def recall(self, there: Mapping[tuple[str, str], int], since_ns: int) -> None:
         """Take stored times until which robots, and cameras (else ''), were present, before anything else is taken.
 
-        Who follows is told of those that were there at `since_ns`, or later; cameras that were not are left out, and
+        Followers are told of those that were there at `since_ns`, or later; cameras that were not are left out, and
         so are those over the limit, the longest ago first.
         """
         newest_first = sorted(there.items(), key=lambda each: -each[1])
@@ -318,7 +318,7 @@ class Inventory:
         return found
 
     def _leave(self, keys: Collection[CameraKey]) -> None:
-        """Forget cameras; what was in view of them is given up."""
+        """Forget cameras and their sightings."""
         if not keys:
             return
         left = [self._cameras.pop(key) for key in keys]

@@ -34,7 +34,7 @@ REPLAY_NS: Final = NS
 
 
 class ClassRoom:
-    """The bytes that the classes of all cameras take, at most: what was forgotten counts until the next `recount`."""
+    """The bytes that the classes of all cameras take, at most: forgotten classes count until the next `recount`."""
 
     def __init__(self) -> None:
         self.bytes = 0

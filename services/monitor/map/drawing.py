@@ -14,7 +14,7 @@ from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.map.footprints import DrawnObject, drawn_objects
 from services.monitor.map.last_seen import MapObject
 from services.monitor.map.pose import DrawnRobot
-from services.monitor.map.sites import totals
+from services.monitor.world.site_status import totals
 from services.monitor.world.zones import ZoneCount
 
 NS: Final = 1_000_000_000

@@ -122,7 +122,7 @@ class SightingMap:
     def marks(self, now_ns: int, *, robot: str = "") -> list[MapObject]:
         """Return the objects' places, newest first; of one robot if it is named.
 
-        Robots are taken to share one map: what several saw at about the same place is one object.
+        Robots are taken to share one map: sightings by several at about the same place are one object.
         """
         since_ns = now_ns - FORGET_NS
         every = (mark for here in self._marks.values() for mark in here.values())

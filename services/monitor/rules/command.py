@@ -13,9 +13,10 @@ from services.monitor.history.presence import Presence
 from services.monitor.history.store import Store
 from services.monitor.history.tables import presence
 from services.monitor.inventory.sighting import NS
-from services.monitor.rules.loading import RuleFileError, load_rules, text_of
+from services.monitor.rules.loading import RuleFileError, load_rules
 from services.monitor.rules.model import DisagreeRule, RuleBook, SilentRule
 from services.monitor.rules.replay import caveats, replay
+from services.monitor.rules.rule_file import text_of
 from services.monitor.rules.timeline import FOREVER_NS, Timeline
 from services.monitor.settings import RulesSettings
 

@@ -26,8 +26,8 @@ COMING_AND_GOING: Final = (ChangeKind.APPEARED, ChangeKind.VANISHED)
 class CameraState(msgspec.Struct, frozen=True, gc=False):
     """The state of one camera. available: it is current; else it is the last known one.
 
-    silent_ns: since when the camera says nothing, epoch; None while that is not sure. complete: what is missing is not
-    there; else, as soon after the monitor could hear nothing, it may be still to come.
+    silent_ns: since when the camera says nothing, epoch; None while that is not sure. complete: missing classes are not
+    there; else, as soon after the monitor could hear nothing, they may be still to come.
     counts: by class, of those that were ever in view. settled: enough lists came for what was there from the first one
     to count; else more may be in view. nearest: metres by class, where known. disagreements: by class, what two models
     count.

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from collections.abc import Set as AbstractSet
-from contextlib import contextmanager
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Final, Self
@@ -95,25 +94,6 @@ def _name_of(place: list[Any]) -> str:
         case ["rules", int(number), *rest]:
             return ": ".join([f"rule {number + 1}", *([_name_of(rest)] if rest else [])])
     return ".".join(str(part) for part in place if not isinstance(part, int))
-
-
-@contextmanager
-def reading() -> Iterator[None]:
-    """Turn errors of reading a file into RuleFileError."""
-    try:
-        yield
-    except (OSError, UnicodeDecodeError) as error:
-        raise RuleFileError(None, getattr(error, "strerror", None) or str(error)) from error
-
-
-def text_of(path: Path) -> str:
-    """Return the text of a rule file; of one that is too long, enough for `load_rules` to refuse it.
-
-    Raises:
-        RuleFileError: it cannot be read.
-    """
-    with reading(), path.open(encoding="utf-8") as file:
-        return file.read(MAX_CHARACTERS + 1)
 
 
 Classes = Sequence[Collection[str]]

@@ -32,7 +32,7 @@ class _Robot:
 
 @dataclass(slots=True)
 class _Camera:
-    """available: None while it is unknown whether it ever was live."""
+    """available: None while it is unknown whether it ever was available."""
 
     counts: dict[str, int] = field(default_factory=dict)
     nearest: dict[str, float] = field(default_factory=dict)

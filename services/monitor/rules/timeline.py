@@ -17,15 +17,15 @@ LIMITS: Final = TrustLimits()
 """The monitor's limits are not in the history; the defaults are assumed."""
 
 
-class SpeakingTime:
-    """A period in which one camera was live."""
+class AvailablePeriods:
+    """The periods in which one camera was available."""
 
     def __init__(self, presences: Iterable[Presence]) -> None:
         self._presences = sorted(presences, key=lambda each: each.since_ns)
         self._since_ns = [each.since_ns for each in self._presences]
 
     def lost_ns(self, interval: Interval) -> int | None:
-        """Return when the camera was thought silent with which an interval ended; None if it ended before its eyes."""
+        """Return when the camera was found silent, if that ended the interval; None if the object was seen to leave."""
         begun = bisect_right(self._since_ns, interval.until_ns)
         of = self._presences[begun - 1] if begun else None
         if of is None or of.heard_ns is None or interval.until_ns > of.until_ns:
@@ -33,7 +33,7 @@ class SpeakingTime:
         return of.until_ns if of.heard_ns < interval.until_ns + LIMITS.debounce.vanish_ns else None
 
     def was_there_first(self, interval: Interval) -> bool:
-        """Whether it was in view when the camera spoke again after it was lost."""
+        """Whether the object was in view when the camera became available again after it was lost."""
         later = bisect_left(self._since_ns, interval.since_ns)
         if later in (0, len(self._presences)):
             return False
@@ -41,16 +41,16 @@ class SpeakingTime:
         return before.until_ns < interval.since_ns and after.since_ns - before.until_ns > LIMITS.lost_ns
 
 
-NEVER: Final = SpeakingTime(())
+NEVER: Final = AvailablePeriods(())
 
 
-def spoken_for(presences: Iterable[Presence]) -> Mapping[CameraKey, SpeakingTime]:
-    """Return the periods in which each camera was live."""
+def available_periods(presences: Iterable[Presence]) -> Mapping[CameraKey, AvailablePeriods]:
+    """Return the periods in which each camera was available."""
     of_each = defaultdict[CameraKey, list[Presence]](list)
     for each in presences:
         if each.camera:
             of_each[CameraKey(each.robot, each.camera)].append(each)
-    return {key: SpeakingTime(those) for key, those in of_each.items()}
+    return {key: AvailablePeriods(those) for key, those in of_each.items()}
 
 
 FOREVER_NS: Final = 2**63 - 1
@@ -58,9 +58,10 @@ FOREVER_NS: Final = 2**63 - 1
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """The beginning or end of a period. unseen: it was not observed, as the camera was not live before, or since.
+    """The beginning or end of a period.
 
-    of: None where a monitor knows the presence of all members, and checks them.
+    unseen: it was not observed, because the camera was not available before, or since. of: None where a monitor knows
+    the presence of all members, and checks them.
     """
 
     at_ns: int
@@ -116,13 +117,13 @@ class Timeline:
 
     def _seen(self) -> Iterator[Step]:
         """Yield how what was in view came and went."""
-        spoken = spoken_for(self.presences)
+        available = available_periods(self.presences)
         first_ns: dict[CameraKey, int] = {}
         for each in self.intervals:
             first_ns[each.key] = min(each.since_ns, first_ns.get(each.key, each.since_ns))
         began = {(each.place, each.since_ns) for each in self.intervals}
         for each in self.intervals:
-            of = spoken.get(each.key, NEVER)
+            of = available.get(each.key, NEVER)
             unseen = each.since_ns == first_ns[each.key] or of.was_there_first(each)
             if each.open or each.until_ns > each.since_ns:
                 yield Step(each.since_ns, each, begins=True, unseen=unseen)

@@ -44,7 +44,7 @@ SEVEREST_FIRST: Final = {severity: -place for place, severity in enumerate(Sever
 async def report_to_centre(link: CentreLink, monitor: Monitor) -> None:
     """Report until cancelled; of two monitors with one history only the one that raises the alerts has a link.
 
-    Whatever is wrong with the link or a report is shown as its problem, and tried again.
+    Errors of the link or of a report are shown as its problem, and the report is tried again.
     """
     while True:
         if monitor.history.status.leads:

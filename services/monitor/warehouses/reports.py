@@ -17,7 +17,7 @@ MAX_WAREHOUSES: Final = 1_000
 
 @dataclass(frozen=True, slots=True)
 class KnownWarehouse:
-    """What a warehouse reported last, and when that came."""
+    """The last report of a warehouse, and when it came."""
 
     report: WarehouseReport
     received_ns: int

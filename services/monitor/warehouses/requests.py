@@ -7,7 +7,7 @@ from typing import Final
 from bus import Bus
 from schemas import codec, worker_keys
 from schemas.world import WorldAnswer, WorldRequest
-from services.monitor.event_loop import CachedValue
+from services.monitor.event_loop.cached_value import CachedValue
 
 TIMEOUT_S: Final = 15.0
 MAX_AGE_S: Final = 5.0

@@ -234,8 +234,8 @@ def _of_workers(workers: tuple[WorkerLine, ...]) -> Iterator[Metric]:
 def _beyond_use(snapshot: Snapshot) -> Metric:
     """Count the frames that gateways left out because detectors asked for fewer.
 
-    A camera has a series while a detector limits its rate: what is left out because only a second opinion wants the
-    camera, which asks for few frames however much time it has, is no demand.
+    A camera has a series while a detector limits its rate. Frames left out because only a second opinion wants the
+    camera, which asks for few frames however much time it has, are no demand.
     """
     names = ["robot", "camera"]
     left_out = CounterMetricFamily(

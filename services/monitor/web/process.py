@@ -6,18 +6,22 @@ import ipaddress
 import logging
 import os
 import socket
+import ssl
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import Final, Self
 
-from services.monitor.event_loop import in_daemon_thread
+from bus import BusError
+from bus.session.certificates import check_pair
+from bus.session.changed_files import LOOKED_AT_S, ChangedFiles
+from services.monitor.event_loop.blocking_calls import in_daemon_thread
 from services.monitor.monitor import Monitor
 from services.monitor.settings import MonitorSettings, WebSettings
 from services.monitor.web.auth.logins import Access
 from services.monitor.web.auth.store import UserStore, users_url
-from services.monitor.web.tls import PageTls
 
 
 class WebError(Exception):
@@ -81,6 +85,45 @@ NAMES_S: Final = 2.0
 """Seconds allowed for a name server to say which domain this machine is in."""
 
 log = logging.getLogger(__name__)
+
+
+class PageTls:
+    """The page's own certificate and key, taken anew when they change; open connections keep what they began with.
+
+    Raises:
+        BusError: a file cannot be used; the message names its setting.
+    """
+
+    def __init__(self, certificate: Path, key: Path) -> None:
+        self._pair = certificate, key
+        self._files = ChangedFiles(self._pair)
+        self.context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        check_pair(*self._named_pair)
+        self._load()
+
+    async def keep_current(self) -> None:
+        """Take changed files, forever; those that cannot be used are named in the log and left."""
+        while True:
+            await asyncio.sleep(LOOKED_AT_S)
+            if not await asyncio.to_thread(self._files.changed):
+                continue
+            self._files.use()
+            try:
+                await asyncio.to_thread(check_pair, *self._named_pair)
+                self._load()  # here, where connections begin: between certificate and key they would fail
+            except (BusError, OSError) as error:
+                log.warning("%s; the page uses the previous certificate until this is fixed", error)
+            else:
+                log.info("the page's certificate has changed; new connections use it")
+
+    @property
+    def _named_pair(self) -> tuple[str, Path, str, Path]:
+        certificate, key = self._pair
+        return "web_certificate", certificate, "web_key", key
+
+    def _load(self) -> None:
+        certificate, key = self._pair
+        self.context.load_cert_chain(certificate, key, password="")
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ from schemas.alerts import Alert
 from services.geometry.boxes import is_itself
 from services.monitor.liveness import POSE_LIVE_NS, is_recent
 from services.monitor.map.pose import Pose
-from services.monitor.map.sites import Sites
 from services.monitor.rules import alert_texts
 from services.monitor.rules.findings import Finding
 from services.monitor.rules.model import (
@@ -27,6 +26,7 @@ from services.monitor.rules.model import (
     ZoneUnderRule,
 )
 from services.monitor.world.site_objects import SiteObjects, Transition, World
+from services.monitor.world.site_status import Sites
 
 NS: Final = 1_000_000_000
 MAX_IDS: Final = 10_000
@@ -62,7 +62,7 @@ class WorldConditions:
         self._left_out: dict[tuple[str, str], int] = {}
 
     def begin(self) -> None:
-        """Begin anew, as when this monitor becomes the one that raises alerts: what happened before does not count."""
+        """Begin anew, as when this monitor becomes the one that raises alerts: earlier events do not count."""
         self._rules = {}
         for site in self._world.sites.values():
             site.transitions.clear()

@@ -15,10 +15,10 @@ from schemas.errors import SchemaError
 from schemas.space import MAX_COORDINATE_M
 from schemas.worker_keys import WorldStream, world_key
 from schemas.world import FloorLooks, WorldAnswer, WorldChanges, WorldObject, WorldRequest
-from services.monitor.event_loop import AT_ONCE
-from services.monitor.map.sites import Sites
+from services.monitor.event_loop.cooperative_yielding import AT_ONCE
 from services.monitor.world.floor import floor_of
 from services.monitor.world.site_objects import MAX_SITE_OBJECTS, SiteObjects, World
+from services.monitor.world.site_status import Sites
 
 log = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from services.monitor.world.site_objects import SITE, PlacedObject
 
 @dataclass(frozen=True, slots=True)
 class ObjectFilters:
-    """Selects objects; what is empty or None leaves all.
+    """Selects objects; a field that is empty or None selects all.
 
     name: the class. zone: whose centre is in it. robot: that it saw lately. seen_since_ns: seen then or later.
     unseen_since_ns: not seen since then. text: in the class, id, zones, or the names of robots that saw it.

@@ -4,15 +4,15 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Final
 
-from services.monitor.map.sites import KnownSite, Sites
 from services.monitor.world.site_objects import SiteObjects, World
+from services.monitor.world.site_status import KnownSite, Sites
 
 NS: Final = 1_000_000_000
 KEPT_NS: Final = 60 * NS
 """How long a site's objects are shown, as out of date, after its world model was heard last."""
 
 NO_MAP: Final = "without a map frame"
-"""What world models say of sightings that have no place in the map."""
+"""World models' reason for leaving out sightings that have no place in the map."""
 
 OFF: Final = "Views only: this monitor was started with --world off, so nothing of the world models is known here."
 
@@ -48,7 +48,7 @@ def shown_site(world: World, sites: Sites, now_ns: int, *, chosen: str = "", joi
     name = chosen if chosen in names else (there or names)[0]
     objects, known = world.sites[name], sites.of(name)
     if known is None:
-        return ShownSite(name, notice=f"No world model tells of {name}; {start}")
+        return ShownSite(name, notice=f"No world model serves {name}; {start}")
     if not known.is_current(now_ns):
         return _silent(name, objects, known, now_ns, start)
     if objects.is_behind:

@@ -8,8 +8,8 @@ from typing import Final
 import msgspec
 
 from schemas.world import ChangeKind, SiteStatus, WorldChange, WorldChanges, WorldObject
-from services.monitor.map.sites import Sites
 from services.monitor.world.floor import ZoneFloor
+from services.monitor.world.site_status import Sites
 from services.monitor.world.zones import Zone, ZoneCount, ZoneFinder
 
 MAX_SITE_OBJECTS: Final = 100_000
@@ -170,8 +170,8 @@ class SiteObjects:
     def replace(self, epoch: str, last: int, objects: Iterable[WorldObject], *, complete: bool = True) -> None:
         """Take all objects as of the change numbered `last`, then the changes that came meanwhile.
 
-        complete: False where there are more objects than these. What differs from those known before, under the same
-        ids, are transitions: it happened while changes were missed.
+        complete: False where there are more objects than these. Differences from the known objects of the same ids are
+        transitions that happened while changes were missed.
         """
         before, cut, same_epoch = self.objects, self.is_full or not complete, epoch == self._epoch
         self._epoch, self._last, self._told_last, self.is_behind = epoch, last, last, False
@@ -260,7 +260,7 @@ class SiteObjects:
         return [(math.sqrt(square), each) for square, each in sorted(found) if square < than_m**2]
 
     def _note(self, object_id: str, before: PlacedObject | None, now: PlacedObject | None) -> None:
-        """Note a transition if there is one. What was merged left only those zones that the one it became is not in."""
+        """Note a transition if there is one. A merged object left only the zones that the one it became is not in."""
         into = self.known_as(object_id)
         if now is None and before is not None and into is not None:
             if not (left := tuple(zone for zone in before.zones if zone not in into.zones)):

@@ -17,7 +17,7 @@ MAX_ZONES: Final = 500
 MAX_CHARACTERS: Final = 1_000_000
 FARTHEST_M: Final = 100_000.0
 LEAVES_M: Final = 0.2
-"""How far outside a zone an object still counts as in it that was: estimates of what stands still vary less."""
+"""How far outside a zone an object still counts as in it that was: estimates of a still object vary less."""
 
 LEAST_CORNERS: Final = 3
 
@@ -265,8 +265,8 @@ class ZoneFinder:
     def at(self, x: float, y: float, before: Container[str] = ()) -> tuple[str, ...]:
         """Return the names of the zones around a point, in the order of the file.
 
-        before: zones that the object there was in. It stays in them until it is LEAVES_M outside: what stands on a
-        border, and is estimated now on this side and now on that, does not go in and out.
+        before: zones that the object there was in. It stays in them until it is LEAVES_M outside: an object on a
+        border, estimated now on this side and now on that, does not go in and out.
         """
         return tuple(
             each.name for each in self._polygons if each.holds(x, y) or (each.name in before and each.is_near(x, y))

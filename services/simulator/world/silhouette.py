@@ -94,7 +94,7 @@ class Silhouette:
         """The visible share of an object: `own`, the mask (height, width) of its visible pixels, of all its pixels.
 
         depth: metres of what is seen in each pixel, 0 where nothing is. A pixel counts as hidden only if something
-        nearer is seen there: what rounding gives to the surface behind an edge hides nothing.
+        nearer is seen there: pixels that rounding gives to the surface behind an edge hide nothing.
         """
         visible = int(np.count_nonzero(own))
         hidden = self.outside + self._covered(~own[self.rows, self.columns], depth)

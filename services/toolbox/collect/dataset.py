@@ -57,8 +57,8 @@ class Dataset:
     def save(self, picture: Picture, why: str, found: Detections | None, split: str, hidden: tuple[str, ...]) -> Path:
         """Write a picture, the drafts of its labels if there are any, and a line about both; return its file.
 
-        hidden: classes that are blurred wherever they are found, and so have no labels. What is half written when the
-        process dies has no line in the record.
+        hidden: classes that are blurred wherever they are found, and so have no labels. A picture that is half written
+        when the process dies has no line in the record.
 
         Raises:
             OSError: the disk is full, or the folder gone.

@@ -80,7 +80,7 @@ class Collecting:
 
     @property
     def summary(self) -> str:
-        """What became of the pictures, in a line."""
+        """The numbers of saved and unsaved pictures, in a line."""
         many = "picture" if self.counts[SAVED] == 1 else "pictures"
         saved = f"{self.counts[SAVED]} {many} saved in {printable(str(self._dataset.folder))}"
         others = (f"{count} {reason}" for reason, count in self.counts.most_common() if reason != SAVED)

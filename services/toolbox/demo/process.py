@@ -3,11 +3,13 @@
 import asyncio
 import json
 import logging
+import secrets
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Final
+from typing import Final, Self
 
 from rich.console import Console
 
@@ -19,8 +21,14 @@ from services.monitor.display import notes_of, show
 from services.monitor.fleet import Fleet
 from services.monitor.monitor import Monitor
 from services.monitor.process import running
+from services.monitor.settings import MonitorSettings
+from services.monitor.web.auth.passwords import Passwords
+from services.monitor.web.auth.store import UserStore
+from services.monitor.web.auth.users import Role, User
+from services.monitor.web.process import Web, WebError
+from services.simulator.fleet import warehouse_seed
+from services.simulator.floor_plan import write_floor_plan
 from services.toolbox.demo.children import Child, ChildFailedError, child, free_ports
-from services.toolbox.demo.page import Page
 from services.toolbox.demo.processors import ProcessorClock
 from services.toolbox.demo.settings import SEED, DemoSettings
 from services.toolbox.demo.summary import Summary
@@ -32,6 +40,34 @@ LAST_WORDS_S: Final = 0.2
 """Seconds for the last messages of stopped processes to arrive."""
 
 REFRESH_S: Final = 0.5
+
+USER: Final = "demo"
+RULES: Final = Path(__file__).parent / "rules.yaml"
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """The demo's page: a monitor's settings with its own history, a web server on a free port, and how to log in."""
+
+    settings: MonitorSettings
+    web: Web
+    note: str
+
+    @classmethod
+    async def of(cls, endpoint: str, folder: Path) -> Self:
+        """Make the page for a demo whose bus listens at `endpoint`; `folder` holds its data."""
+        history, password = f"sqlite:///{folder / 'history.db'}", secrets.token_urlsafe(9)
+        hashed = await Passwords().hash(password)
+        await UserStore(history).add(User(USER, Role.OPERATOR, hashed, time.time_ns()))
+        floor_plan = folder / "map.yaml"
+        await asyncio.to_thread(write_floor_plan, floor_plan, warehouse_seed(SEED))
+        settings = MonitorSettings(listen=[endpoint], history=history, rules=RULES, floor_plan=floor_plan)
+        try:
+            web = Web.of(settings)
+        except WebError:
+            settings = settings.model_copy(update={"web_port": 0})
+            web = Web.of(settings)
+        return cls(settings, web, f"page: {web.url} (log in as {USER} with {password})")
 
 
 async def run(settings: DemoSettings) -> int:
@@ -72,7 +108,7 @@ async def _run(settings: DemoSettings, folder: Path) -> int:
 
 def plan(settings: DemoSettings, endpoint: str, master_port: int) -> Mapping[str, Sequence[str]]:
     """Return each process's command line by name; the robots' ROS masters use `master_port` and the ports after it."""
-    # Weights under torch at once: whatever is quicker is exported first, which takes longer than most demos.
+    # Weights under torch at once: quicker runtimes need an export first, which takes longer than most demos.
     model = settings.model or str(shipped_file(None, None))
     runtime = "torch" if is_weights(model) else "onnx"
     simulator = [

@@ -36,7 +36,7 @@ MOST_NAMED: Final = 5
 async def run(settings: DetectSettings) -> int:
     """Run detection on the image; print the objects, or on stderr why it failed, and draw them. Return the exit code.
 
-    What was found is printed also where it cannot be drawn, and a picture that is begun becomes whole.
+    The objects are printed even if they cannot be drawn, and a picture whose writing has begun is finished.
     """
     try:
         image = await asyncio.to_thread(settings.image.read_bytes)

@@ -31,7 +31,7 @@ def options_in(reason: str, topic: Topic) -> Iterator[list[str]]:
 
 def planned(topics: list[Topic], options: list[str]) -> Plan:
     given = ["--robot", "r1", "--ros-host", "robot", *options]
-    return plan(topics, load(GatewaySettings, given, prog="fleetsight gateway").settings.wishes())
+    return plan(topics, load(GatewaySettings, given, prog="fleetsight gateway").settings.discovery_settings())
 
 
 @pytest.mark.parametrize("published", [*(each for each, _ in DRIVERS.values()), ODD], ids=[*DRIVERS, "odd"])

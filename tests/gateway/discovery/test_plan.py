@@ -80,8 +80,10 @@ def test_patterns_choose_and_denial_wins(allow: str, deny: str, taken: set[str])
 
 
 def test_what_the_settings_name_is_taken_as_named_though_nobody_publishes_it() -> None:
-    wishes = DiscoverySettings("r1", named(front__color="/somewhere", ros__battery="/battery"), discover=False)
-    made = plan(graph({IMAGE: "/rear/image_raw", "sensor_msgs/BatteryState": "/battery"}), wishes)
+    discovery_settings = DiscoverySettings(
+        "r1", named(front__color="/somewhere", ros__battery="/battery"), discover=False
+    )
+    made = plan(graph({IMAGE: "/rear/image_raw", "sensor_msgs/BatteryState": "/battery"}), discovery_settings)
     assert mapping(made) == {"front/color": "/somewhere", "ros/battery": "/battery"}
     assert [source.type for source in made.streams.values()] == ["", "sensor_msgs/BatteryState"]
     assert made.left_out == {}

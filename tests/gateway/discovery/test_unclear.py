@@ -37,8 +37,10 @@ def test_depth_that_is_not_named_so_is_depth_of_the_camera_beside_it(
     encoding: str, named_by_hand: dict[str, str]
 ) -> None:
     camera = "bow" if named_by_hand else "oak"
-    wishes = DiscoverySettings("r1", named(**{f"bow__{stream}": topic for stream, topic in named_by_hand.items()}))
-    made = plan(heard(graph(OAK), stereo=encoding, left="mono8"), wishes)
+    discovery_settings = DiscoverySettings(
+        "r1", named(**{f"bow__{stream}": topic for stream, topic in named_by_hand.items()})
+    )
+    made = plan(heard(graph(OAK), stereo=encoding, left="mono8"), discovery_settings)
     assert mapping(made) == {f"{camera}/{stream}": topic for stream, topic in OAK_STREAMS.items()}
     assert made.left_out == {"/oak/left/image_raw": f"{camera}/color is /oak/rgb/image_raw"}
 

@@ -152,8 +152,10 @@ def test_what_is_thinned_is_counted_and_takes_no_number() -> None:
 
 def test_what_nobody_can_use_is_counted_as_that_and_takes_no_number() -> None:
     instants = Instants()
-    thinning = StreamRate(lambda: instants, "color", None)
-    forward = StreamForward(COLOR, "/image", kind_of(COLOR), "boot", thinning, useful=lambda now_ns: now_ns % 2 == 0)
+    rate_limiter = StreamRate(lambda: instants, "color", None)
+    forward = StreamForward(
+        COLOR, "/image", kind_of(COLOR), "boot", rate_limiter, useful=lambda now_ns: now_ns % 2 == 0
+    )
     taken = [forward.take(message(stamp_s=1_700_000_000 + n), n) for n in range(5)]
     assert [frame(made).header.seq for made in taken if made is not None] == [0, 1, 2]
     status = forward.status(wanted=True, publishers=1, replaced=0, broken_links={})

@@ -114,7 +114,7 @@ async def test_robots_are_searched_and_chosen_by_their_state(site: Site, tmp_pat
         await expect(page.locator("[data-robot=r10]")).to_be_visible()
         await looker.picture("fleet-phone-dark")
         await page.locator(".fs-footer").get_by_role("link", name="Inventory").click()
-        await expect(page.get_by_text("What is in the warehouse is not known")).to_be_visible()
+        await expect(page.get_by_text("The contents of the warehouse are not known")).to_be_visible()
         await page.get_by_role("link", name="In view of cameras").click()
         await expect(page.locator("[data-sighting='r1/front/box']")).to_contain_text("2.12 m")
         wide = await page.evaluate("document.documentElement.scrollWidth")

@@ -47,7 +47,7 @@ PAGES = {
 }
 EMPTY = {
     "/": ("No robot has joined yet", "fleetsight gateway --robot r1 --connect"),
-    "/inventory": ("What is in the warehouse is not known", "fleetsight worldmodel --connect"),
+    "/inventory": ("The contents of the warehouse are not known", "fleetsight worldmodel --connect"),
     "/in-view": ("Nothing has been seen yet", "fleetsight detector --connect"),
     "/alerts": ("No open alerts", "--rules rules.yaml"),
     "/health": ("No worker has reported yet", "fleetsight"),

@@ -32,9 +32,9 @@ from services.monitor.world.site_objects import World
 from services.simulator.floor_plan import write_floor_plan
 from tests.integration.page.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.page.sights import Robot, robot_on
-from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.serving import Served, monitor_on, served
 from tests.services.monitor.world.test_site_objects import DOCK, RACK, thing
+from tests.services.monitor.world.test_site_status import status as site_status
 from tests.waiting import until
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]

@@ -31,8 +31,8 @@ from tests.integration.fleet import FleetRig, fleet_rig
 from tests.integration.page.browser import PATIENCE_MS, looking, open_browser
 from tests.integration.page.sights import robot_on
 from tests.integration.services.test_worldmodel import SITE, THINGS, Robots, start
-from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.serving import Served, served
+from tests.services.monitor.world.test_site_status import status as site_status
 from tests.waiting import PATIENCE_S, until
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.timeout(300)]
@@ -332,6 +332,6 @@ async def test_with_the_world_off_nothing_of_it_is_subscribed_and_the_page_says_
             await looker.go("/inventory")
             await expect(page.get_by_text("Views only")).to_be_visible()
             await looker.go(f"/world/{SITE}/1")
-            await expect(page.get_by_text("Its site is not known now")).to_be_visible()
+            await expect(page.get_by_text("This monitor follows no world model")).to_be_visible()
         assert not any(each.wanted for each in told)
         assert not monitor.fleet.world.sites

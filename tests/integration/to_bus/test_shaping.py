@@ -8,7 +8,7 @@ import pytest
 from backports import zstd
 
 from bus import Subscription
-from gateway.to_bus.shaping.token_bucket import BURST_S
+from gateway.to_bus.shaping.frame_rates import BURST_S
 from schemas.compression import picture_of
 from schemas.consumer_keys import Wanted
 from schemas.detections import ClassList

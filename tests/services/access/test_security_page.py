@@ -20,7 +20,7 @@ def run(commands: str, folder: Path) -> None:
 
 def test_the_readmes_commands_let_each_do_what_it_is_for(tmp_path: Path) -> None:
     lines = [line.strip() for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines()]
-    first = next(number for number, line in enumerate(lines) if line.endswith(">fleet.yaml   # who is what"))
+    first = next(number for number, line in enumerate(lines) if line.endswith(">fleet.yaml   # names and their roles"))
     after = next(number for number, line in enumerate(lines) if line.startswith("fleetsight monitor --listen tls/"))
     run("\n".join(lines[first:after]), tmp_path)
     rules = json.loads((tmp_path / "access.json").read_text(encoding="utf-8"))

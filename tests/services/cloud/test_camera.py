@@ -36,21 +36,21 @@ class Publisher:
         self.taken.append(clouds)
 
 
-def answered(account: Tally, count: int) -> bool:
-    return account.done + account.dropped[FAILED] == count
+def answered(tally: Tally, count: int) -> bool:
+    return tally.done + tally.dropped[FAILED] == count
 
 
 @asynccontextmanager
 async def at_work(publisher: Publisher, executor: Executor) -> AsyncIterator[tuple[dict[Stream, BusPublisher], Tally]]:
-    """Yield what sends a camera's points and detections while its objects are cut out, and its account."""
-    network, account = FakeNetwork(), Tally(FRONT)
+    """Yield what sends a camera's points and detections while its objects are cut out, and its tally."""
+    network, tally = FakeNetwork(), Tally(FRONT)
     async with AsyncExitStack() as stack:
         theirs, ours = [await stack.enter_async_context(network.open_bus()) for _ in range(2)]
         front = await Rig(theirs, stack).camera(FRONT, Stream.POINTS, Stream.DETECTIONS)
         camera = CloudCamera(
             ours,
             FRONT,
-            account,
+            tally,
             worker="w1",
             executor=executor,
             limits=CloudLimits(),
@@ -61,18 +61,18 @@ async def at_work(publisher: Publisher, executor: Executor) -> AsyncIterator[tup
         async with asyncio.TaskGroup() as group:
             working = group.create_task(camera.run(FRONT, publisher.put))
             await until(lambda: all(each.wanted for each in front.values()), "all is wanted")
-            yield front, account
+            yield front, tally
             working.cancel()
 
 
 async def answers(publisher: Publisher, executor: Executor, frames: int) -> Tally:
-    """Return the account of a camera whose objects are cut out that often."""
-    async with at_work(publisher, executor) as (front, account):
+    """Return the tally of a camera whose objects are cut out that often."""
+    async with at_work(publisher, executor) as (front, tally):
         for seq in range(1, frames + 1):
             front[Stream.POINTS].put(codec.encode(registered(seq)))
             front[Stream.DETECTIONS].put(codec.encode(found(seq)))
-            await until(partial(answered, account, seq), f"{seq} were answered")
-    return account
+            await until(partial(answered, tally, seq), f"{seq} were answered")
+    return tally
 
 
 async def test_points_that_come_at_once_are_kept_each_for_the_detections_of_its_instant() -> None:
@@ -89,22 +89,22 @@ async def test_points_that_come_at_once_are_kept_each_for_the_detections_of_its_
 async def test_points_that_are_more_than_can_wait_are_counted() -> None:
     publisher = Publisher()
     with ThreadPoolExecutor(1) as executor:
-        async with at_work(publisher, executor) as (front, account):
+        async with at_work(publisher, executor) as (front, tally):
             for seq in range(1, POINTS_WAITING.depth + 4):
                 front[Stream.POINTS].put(codec.encode(registered(seq)))
             front[Stream.DETECTIONS].put(codec.encode(found(POINTS_WAITING.depth + 3)))
-            await until(partial(answered, account, 1), "the last is answered")
-    assert account.load(serving=True).dropped == {TOO_MANY_POINTS: 3}
+            await until(partial(answered, tally, 1), "the last is answered")
+    assert tally.load(serving=True).dropped == {TOO_MANY_POINTS: 3}
 
 
 async def test_clouds_that_cannot_be_published_are_the_only_ones_that_fail(caplog: pytest.LogCaptureFixture) -> None:
     publisher = Publisher(failures=1)
     with ThreadPoolExecutor(1) as executor:
-        account = await answers(publisher, executor, 2)
+        tally = await answers(publisher, executor, 2)
     failed, made = publisher.taken
     assert (failed.header.seq, failed.objects, failed.unmeasured) == (1, [], {0: "it failed"})
     assert (made.header.seq, len(made.objects), made.unmeasured) == (2, 1, {})
-    assert (account.done, account.load(serving=True).dropped) == (1, {FAILED: 1})
+    assert (tally.done, tally.load(serving=True).dropped) == (1, {FAILED: 1})
     assert "r1/front: frame 1 failed: ValueError('no message')" in caplog.text
 
 
@@ -112,9 +112,9 @@ async def test_clouds_that_cannot_be_worked_out_are_said_to_have_failed() -> Non
     publisher = Publisher()
     with ThreadPoolExecutor(1) as executor:
         executor.shutdown()
-        account = await answers(publisher, executor, 1)
+        tally = await answers(publisher, executor, 1)
     assert [each.unmeasured for each in publisher.taken] == [{0: "it failed"}]
-    assert (account.done, account.load(serving=True).dropped) == (0, {FAILED: 1})
+    assert (tally.done, tally.load(serving=True).dropped) == (0, {FAILED: 1})
 
 
 class Stuck(Executor):
@@ -132,22 +132,22 @@ class Stuck(Executor):
 async def stuck_at_the_first() -> AsyncIterator[tuple[dict[Stream, BusPublisher], Tally]]:
     """See `at_work`; the first detections, number 1, are being worked out and will be for ever."""
     executor = Stuck()
-    async with at_work(Publisher(), executor) as (front, account):
+    async with at_work(Publisher(), executor) as (front, tally):
         front[Stream.POINTS].put(codec.encode(registered(1)))
         front[Stream.DETECTIONS].put(codec.encode(found(1)))
         async with asyncio.timeout(60):
             await executor.asked.wait()
-        yield front, account
+        yield front, tally
 
 
 async def test_detections_that_nobody_has_read_when_it_ends_are_counted() -> None:
-    async with stuck_at_the_first() as (front, account):
+    async with stuck_at_the_first() as (front, tally):
         for seq in (2, 3):
             front[Stream.DETECTIONS].put(codec.encode(found(seq)))
-    assert account.load(serving=True).dropped == {UNWANTED: 3}
+    assert tally.load(serving=True).dropped == {UNWANTED: 3}
 
 
 async def test_clouds_that_nobody_wants_any_more_while_they_are_worked_out_are_counted() -> None:
-    async with stuck_at_the_first() as (_, account):
+    async with stuck_at_the_first() as (_, tally):
         pass
-    assert (account.done, account.load(serving=True).dropped) == (0, {UNWANTED: 1})
+    assert (tally.done, tally.load(serving=True).dropped) == (0, {UNWANTED: 1})

@@ -22,9 +22,9 @@ class Rig:
     """A robot whose points come ten times a second."""
 
     def __init__(self, target: str = "", tolerance_ms: int | None = None) -> None:
-        self.account = Tally(CameraKey("r1", "front"))
+        self.tally = Tally(CameraKey("r1", "front"))
         tolerance_ns = None if tolerance_ms is None else tolerance_ms * MS
-        self.waiting = CloudJoiner(self.account, target=target, tolerance_ns=tolerance_ns)
+        self.waiting = CloudJoiner(self.tally, target=target, tolerance_ns=tolerance_ns)
 
     def found(self, seq: int, at_ms: int, now_s: float = 0.0) -> None:
         self.waiting.detections(found(seq, at_ms), now_s)
@@ -150,7 +150,7 @@ def test_the_newest_that_can_be_joined_counts_and_those_before_it_are_dropped() 
     for seq, at in ((1, 1000), (2, 1100), (3, 1200)):
         rig.found(seq, at)
     assert rig.took() == (2, 1100)
-    assert rig.account.dropped == {REPLACED: 1}
+    assert rig.tally.dropped == {REPLACED: 1}
     rig.points(1200)
     assert rig.took() == (3, 1200)
 
@@ -162,7 +162,7 @@ def test_detections_faster_than_points_starve_nobody() -> None:
         rig.found(seq, 1300 + 30 * seq, now_s=seq * 0.03)
         if (took := rig.took(seq * 0.03)) is not None:
             assert took[1] is None
-    assert 0 < rig.account.dropped[REPLACED] < 3 * MAX_WAITING
+    assert 0 < rig.tally.dropped[REPLACED] < 3 * MAX_WAITING
 
 
 def test_the_same_detections_again_are_counted() -> None:
@@ -172,7 +172,7 @@ def test_the_same_detections_again_are_counted() -> None:
     rig.found(1, 1000)
     assert rig.took() == (1, 1000)
     assert rig.took() is None
-    assert rig.account.dropped[DUPLICATE] == 1
+    assert rig.tally.dropped[DUPLICATE] == 1
 
 
 def test_detections_of_a_worker_that_is_behind_another_take_no_newer_ones_place() -> None:
@@ -182,7 +182,7 @@ def test_detections_of_a_worker_that_is_behind_another_take_no_newer_ones_place(
     rig.points(1000, 1100)
     assert rig.took() == (2, 1100)
     assert rig.took() is None
-    assert (rig.account.dropped[DUPLICATE], rig.account.dropped[REPLACED]) == (1, 0)
+    assert (rig.tally.dropped[DUPLICATE], rig.tally.dropped[REPLACED]) == (1, 0)
 
 
 def test_detections_of_another_gateway_process_count_anew() -> None:
@@ -333,13 +333,13 @@ def test_points_that_nobody_asked_for_and_transforms_that_mean_nothing_are_count
     rig = Rig()
     rig.points(1000, 1100, 1100, 4000)
     rig.waiting.transforms(moved("odom", "odom", 1000), static=False)
-    assert rig.account.dropped == {f"points: {DOUBLE_STAMP}": 1, f"points: {UNUSED}": 2, f"transforms: {OF_ITSELF}": 1}
+    assert rig.tally.dropped == {f"points: {DOUBLE_STAMP}": 1, f"points: {UNUSED}": 2, f"transforms: {OF_ITSELF}": 1}
 
 
 def test_what_has_no_stamp_is_of_no_instant() -> None:
     rig = Rig()
     rig.points(0)
-    assert rig.account.dropped == {UNSTAMPED: 1}
+    assert rig.tally.dropped == {UNSTAMPED: 1}
     rig.found(1, 0)
     matched = rig.waiting.take(0.0)
     assert matched is not None

@@ -75,7 +75,7 @@ async def working(bus: Bus, executor: Executor, **settings: object) -> AsyncIter
 
 
 async def load(bus: Bus, so: Callable[[CameraLoad], bool]) -> CameraLoad:
-    """Wait for the worker's account of a camera to be such."""
+    """Wait for the worker's tally of a camera to be such."""
     async with bus.subscribe(worker_keys.worker_status("distance", "w1"), QUEUE(9)) as statuses, asyncio.timeout(60):
         while True:
             for each in (await receive(statuses, WorkerStatus)).cameras:

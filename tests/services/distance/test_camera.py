@@ -115,10 +115,10 @@ async def answers(
     viewing: Viewing | None = None,
     done: asyncio.Event | None = None,
 ) -> DetectionCounts:
-    """Return the account of a camera that is measured that often, until it is done."""
-    network, account, done = FakeNetwork(), DetectionCounts(FRONT), done or asyncio.Event()
+    """Return the tally of a camera that is measured that often, until it is done."""
+    network, tally, done = FakeNetwork(), DetectionCounts(FRONT), done or asyncio.Event()
     views = views if isinstance(views, Views) else views(DepthLimits())
-    camera = DistanceCamera(account, SensorHistory((), Joiner(DEPTH_IMAGE)), views, Criteria(), "w1", executor, viewing)
+    camera = DistanceCamera(tally, SensorHistory((), Joiner(DEPTH_IMAGE)), views, Criteria(), "w1", executor, viewing)
     async with (
         network.open_bus() as theirs,
         network.open_bus() as ours,
@@ -134,15 +134,15 @@ async def answers(
                 await done.wait()
             done.clear()
         working.cancel()
-    return account
+    return tally
 
 
 async def test_an_answer_that_cannot_be_published_is_the_only_one_that_fails(caplog: pytest.LogCaptureFixture) -> None:
     publisher = Faltering()
     with ThreadPoolExecutor(1) as executor:
-        account = await answers(publisher, executor, 3)
+        tally = await answers(publisher, executor, 3)
     assert [(seen.header.seq, only(seen)) for seen in publisher.taken] == [(1, (2.0, "")), (2, (2.0, ""))]
-    assert (account.done, account.load(serving=True).dropped) == (2, {FAILED: 1})
+    assert (tally.done, tally.load(serving=True).dropped) == (2, {FAILED: 1})
     assert "r1/front: frame 0 failed: BusClosedError('the link is gone')" in caplog.text
 
 
@@ -150,16 +150,16 @@ async def test_an_answer_that_cannot_be_worked_out_is_counted() -> None:
     publisher = Faltering()
     with ThreadPoolExecutor(1) as executor:
         executor.shutdown()
-        account = await answers(publisher, executor, 2)
-    assert (account.done, account.load(serving=True).dropped) == (0, {FAILED: 2})
+        tally = await answers(publisher, executor, 2)
+    assert (tally.done, tally.load(serving=True).dropped) == (0, {FAILED: 2})
 
 
 async def test_an_image_without_objects_needs_no_look_at_depth() -> None:
     publisher = Faltering()
     with ThreadPoolExecutor(1) as executor:
-        account = await answers(publisher, executor, 2, objects=(), views=Blind)
+        tally = await answers(publisher, executor, 2, objects=(), views=Blind)
     assert [seen.objects for seen in publisher.taken] == [[]]
-    assert account.done == 1
+    assert tally.done == 1
 
 
 async def test_distances_come_before_the_view_and_depth_is_read_once_for_both() -> None:
@@ -167,19 +167,19 @@ async def test_distances_come_before_the_view_and_depth_is_read_once_for_both() 
     views = Counting(DepthLimits())
     with ThreadPoolExecutor(1) as executor:
         view = viewing(Published("view", order))
-        account = await answers(Published("distances", order), executor, 2, views=views, viewing=view)
+        tally = await answers(Published("distances", order), executor, 2, views=views, viewing=view)
     assert order == ["distances", "view"] * 2
     assert views.count == 2
-    assert (account.done, account.load(serving=True).dropped) == (2, {})
+    assert (tally.done, tally.load(serving=True).dropped) == (2, {})
 
 
 async def test_a_view_that_fails_costs_no_distances(caplog: pytest.LogCaptureFixture) -> None:
     order: list[str] = []
     with ThreadPoolExecutor(1) as executor:
         view = viewing(Published("view", order), Failing)
-        account = await answers(Published("distances", order), executor, 2, viewing=view)
+        tally = await answers(Published("distances", order), executor, 2, viewing=view)
     assert order == ["distances"] * 2
-    assert (account.done, account.load(serving=True).dropped) == (2, {f"view: {FAILED}": 2})
+    assert (tally.done, tally.load(serving=True).dropped) == (2, {f"view: {FAILED}": 2})
     assert "r1/front: the view of frame 0 failed: ValueError" in caplog.text
 
 
@@ -187,15 +187,15 @@ async def test_a_view_that_fails_where_nobody_wants_distances_fails_the_image() 
     order: list[str] = []
     with ThreadPoolExecutor(1) as executor:
         view = viewing(Published("view", order), Failing)
-        account = await answers(Published("distances", order, wanted=False), executor, 2, viewing=view)
+        tally = await answers(Published("distances", order, wanted=False), executor, 2, viewing=view)
     assert order == []
-    assert (account.done, account.load(serving=True).dropped) == (0, {FAILED: 2})
+    assert (tally.done, tally.load(serving=True).dropped) == (0, {FAILED: 2})
 
 
 async def test_detections_that_nobody_has_read_when_it_ends_are_counted() -> None:
-    asked, account = asyncio.Event(), DetectionCounts(FRONT)
+    asked, tally = asyncio.Event(), DetectionCounts(FRONT)
     camera = DistanceCamera(
-        account, SensorHistory((), Joiner(DEPTH_IMAGE)), Views(DepthLimits()), Criteria(), "w1", Stuck(asked)
+        tally, SensorHistory((), Joiner(DEPTH_IMAGE)), Views(DepthLimits()), Criteria(), "w1", Stuck(asked)
     )
     network = FakeNetwork()
     async with network.open_bus() as theirs, network.open_bus() as ours, robot(theirs) as front:
@@ -208,10 +208,10 @@ async def test_detections_that_nobody_has_read_when_it_ends_are_counted() -> Non
                 await asked.wait()  # the first is being worked out from now on
         working.cancel()
         await asyncio.wait([working])
-    assert account.load(serving=True).dropped == {UNWANTED: 3}
+    assert tally.load(serving=True).dropped == {UNWANTED: 3}
 
 
 async def test_an_answer_that_nobody_wants_any_more_while_it_is_worked_out_is_counted() -> None:
     asked = asyncio.Event()
-    account = await answers(Faltering(), Stuck(asked), 1, done=asked)
-    assert (account.done, account.load(serving=True).dropped) == (0, {UNWANTED: 1})
+    tally = await answers(Faltering(), Stuck(asked), 1, done=asked)
+    assert (tally.done, tally.load(serving=True).dropped) == (0, {UNWANTED: 1})

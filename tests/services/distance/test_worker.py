@@ -183,9 +183,9 @@ async def test_stamps_that_are_not_there_join_nothing(rig: Rig) -> None:
         rig.robot.send(Stream.DEPTH, depth(wall(2.0), 1, stamp_ns=0))
         rig.robot.send(Stream.DETECTIONS, detections(BOX, 1, stamp_ns=0))
         assert only(await receive(distances, Distances)) == (None, "the image has no stamp")
-        account = await load(rig.bus, lambda of: sum(of.dropped.values()) == 2)
-    assert account.dropped == {"depth image: without a stamp": 1, "no depth image of the same instant": 1}
-    assert account.inferred == 0
+        tally = await load(rig.bus, lambda of: sum(of.dropped.values()) == 2)
+    assert tally.dropped == {"depth image: without a stamp": 1, "no depth image of the same instant": 1}
+    assert tally.inferred == 0
 
 
 async def test_an_empty_view_is_news_too(rig: Rig) -> None:
@@ -229,8 +229,8 @@ async def test_a_clock_that_jumps_back_starts_over(rig: Rig) -> None:
         for seq, (instant, z) in enumerate(((100, 2.0), (101, 2.0), (3, 4.0))):
             rig.frame(seq, z, stamp_ns=stamp_of(instant))
             assert only(await receive(distances, Distances)) == (z, "")
-    account = await load(rig.bus, lambda of: of.inferred == 3)
-    assert account.dropped == {}
+    tally = await load(rig.bus, lambda of: of.inferred == 3)
+    assert tally.dropped == {}
 
 
 async def test_bad_messages_are_counted_and_harm_nobody(rig: Rig) -> None:
@@ -246,8 +246,8 @@ async def test_bad_messages_are_counted_and_harm_nobody(rig: Rig) -> None:
         await asyncio.sleep(0.02)
         rig.frame(2)
         assert only(await receive(distances, Distances)) == (2.0, "")
-        account = await load(rig.bus, lambda of: of.inferred == 1)
-    assert account.dropped == {
+        tally = await load(rig.bus, lambda of: of.inferred == 1)
+    assert tally.dropped == {
         "malformed detections": 2,
         "malformed depth image": 2,
         "malformed camera info": 1,
@@ -264,8 +264,8 @@ async def test_the_same_detections_of_two_workers_are_measured_once(rig: Rig) ->
         await asyncio.sleep(0.02)
         rig.frame(2)
         assert (await receive(distances, Distances)).header.seq == 2
-        account = await load(rig.bus, lambda of: of.inferred == 2)
-    assert account.dropped[DUPLICATE] == 1
+        tally = await load(rig.bus, lambda of: of.inferred == 2)
+    assert tally.dropped[DUPLICATE] == 1
 
 
 async def test_detections_of_a_worker_that_is_behind_another_are_not_measured(rig: Rig) -> None:
@@ -275,8 +275,8 @@ async def test_detections_of_a_worker_that_is_behind_another_are_not_measured(ri
             await asyncio.sleep(0.02)
         rig.frame(3)
         assert [(await receive(distances, Distances)).header.seq for _ in range(2)] == [2, 3]
-        account = await load(rig.bus, lambda of: of.inferred == 2)
-    assert account.dropped[DUPLICATE] == 1
+        tally = await load(rig.bus, lambda of: of.inferred == 2)
+    assert tally.dropped[DUPLICATE] == 1
 
 
 async def test_depth_that_no_detections_came_for_is_counted(rig: Rig) -> None:
@@ -286,8 +286,8 @@ async def test_depth_that_no_detections_came_for_is_counted(rig: Rig) -> None:
             await asyncio.sleep(0.01)
         rig.robot.send(Stream.DETECTIONS, detections(BOX, 100))
         await receive(distances, Distances)
-        account = await load(rig.bus, lambda of: of.inferred == 1)
-    assert account.dropped == {"depth image: nothing of its instant was asked for": 2}
+        tally = await load(rig.bus, lambda of: of.inferred == 1)
+    assert tally.dropped == {"depth image: nothing of its instant was asked for": 2}
 
 
 async def test_all_cameras_depth_together_has_one_bound_and_what_it_costs_is_counted() -> None:
@@ -311,10 +311,10 @@ async def test_all_cameras_depth_together_has_one_bound_and_what_it_costs_is_cou
                 sent = depth(large, seq)
                 greedy.send(Stream.DEPTH, msgspec.structs.replace(sent, header=head(seq, robot="r2")))
                 await asyncio.sleep(0.01)
-            account = await load(theirs, lambda of: of.robot == "r2" and sum(of.dropped.values()) == 3)
-            assert account.dropped == {"depth image: no room for more": 3}
-            account = await load(theirs, lambda of: of.robot == "r1")
-            assert account.dropped == {}
+            tally = await load(theirs, lambda of: of.robot == "r2" and sum(of.dropped.values()) == 3)
+            assert tally.dropped == {"depth image: no room for more": 3}
+            tally = await load(theirs, lambda of: of.robot == "r1")
+            assert tally.dropped == {}
 
 
 async def test_depth_from_the_future_is_joined_with_nothing_and_does_not_stay_in_the_way(rig: Rig) -> None:
@@ -327,8 +327,8 @@ async def test_depth_from_the_future_is_joined_with_nothing_and_does_not_stay_in
         for seq in (2, 3):
             rig.frame(seq)
             assert only(await receive(distances, Distances)) == (2.0, "")
-        account = await load(rig.bus, lambda of: of.inferred == 2)
-    assert account.dropped == {f"depth image: {FLUSHED}": 1, "no depth image of the same instant": 1}
+        tally = await load(rig.bus, lambda of: of.inferred == 2)
+    assert tally.dropped == {f"depth image: {FLUSHED}": 1, "no depth image of the same instant": 1}
 
 
 async def test_only_the_robots_it_is_told_are_served() -> None:

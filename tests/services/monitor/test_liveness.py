@@ -9,11 +9,11 @@ from services.monitor.fleet import Fleet
 from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.liveness import (
+    HEARTBEAT_S,
     LOST_S,
     MIN_LISTS,
     OBJECT_FRESH_NS,
     POSE_LIVE_NS,
-    PULSE_S,
     ROBOT_SILENT_NS,
     STALE_S,
     WORKER_ONLINE_NS,
@@ -76,7 +76,7 @@ def test_a_link_that_is_lost_again_meanwhile_lets_it_begin_anew() -> None:
 
 def test_who_was_held_up_was_deaf() -> None:
     ears = Ears()
-    late_s = LEASE_S + 2 * PULSE_S
+    late_s = LEASE_S + 2 * HEARTBEAT_S
     assert ears.at(10, 10 - late_s) == (False, False, True)
     assert ears.at(10.1, 10 - late_s) == (True, True, False)
     assert ears.at(10.2, 10.2) == (True, False, False)

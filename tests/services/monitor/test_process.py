@@ -24,7 +24,7 @@ from services.monitor.process import watch_fleet
 from tests.schemas.frames import header
 from tests.schemas.results import distances, known
 from tests.services.monitor.inventory.seeing import going_on
-from tests.services.monitor.map.test_sites import status as site_status
+from tests.services.monitor.world.test_site_status import status as site_status
 from tests.waiting import until
 
 FRONT = CameraKey("r1", "front")

@@ -13,7 +13,7 @@ from gateway.ros1.messages import deserialise
 from gateway.ros1.node import Node
 from gateway.ros1.tcpros.subscriber import Message
 from services.simulator.film import Film, Part, Store
-from services.simulator.live import LiveRobot
+from services.simulator.process import LiveRobot
 from services.simulator.robot import Robot
 from services.simulator.ros_master.master import RosMaster
 from services.simulator.topics import Content, SimulatedStream, topics

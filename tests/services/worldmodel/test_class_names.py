@@ -9,8 +9,8 @@ import pytest
 
 from schemas.distances import CameraView
 from services.worldmodel import model as model_module
+from services.worldmodel.class_names import MOST_MODELS
 from services.worldmodel.classes import MAX_CLASSES
-from services.worldmodel.evidence import MOST_MODELS
 from services.worldmodel.model import SiteModel
 from services.worldmodel.offsets import RIGHT
 from services.worldmodel.published_objects import PublishedObjects

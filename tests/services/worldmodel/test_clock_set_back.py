@@ -7,7 +7,7 @@ import pytest
 
 from bus.fake import FakeNetwork
 from services.worldmodel.floor import Floor
-from services.worldmodel.names import ABSENT_NS, Roster
+from services.worldmodel.name_limits import ABSENT_NS, NameLimit
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import Site
 from tests.services.worldmodel.scene import NS, Camera, Thing, view, watch
@@ -54,8 +54,8 @@ def test_the_floor_is_looked_at_from_then_on() -> None:
 
 
 def test_robots_that_are_absent_from_then_on_make_room() -> None:
-    roster = Roster(most_robots=1)
-    assert roster.admit("r1", "front", HOUR_NS) == ""
-    roster.set_back(5 * NS)
-    assert roster.admit("r2", "front", 6 * NS + ABSENT_NS) == ""
-    assert roster.take_left() == (["r1"], [("r1", "front")])
+    name_limit = NameLimit(most_robots=1)
+    assert name_limit.admit("r1", "front", HOUR_NS) == ""
+    name_limit.set_back(5 * NS)
+    assert name_limit.admit("r2", "front", 6 * NS + ABSENT_NS) == ""
+    assert name_limit.take_left() == (["r1"], [("r1", "front")])

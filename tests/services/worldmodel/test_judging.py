@@ -10,9 +10,8 @@ import pytest
 from schemas.distances import CameraView
 from services.worldmodel import model as model_module
 from services.worldmodel import offsets as offsets_module
-from services.worldmodel.evidence import FloorLevels
 from services.worldmodel.model import SiteModel
-from services.worldmodel.offsets import ALONE_VIEWS, CHANGED_VIEWS, LOST, REASONS, RIGHT, WRONG_DEPTH
+from services.worldmodel.offsets import ALONE_VIEWS_TO_TRUST, CHANGED_VIEWS, LOST, REASONS, RIGHT, WRONG_DEPTH
 from services.worldmodel.state import restored, saved
 from tests.services.worldmodel.scene import (
     FOUR,
@@ -85,7 +84,7 @@ def test_a_lost_robot_that_sees_nothing_any_more_removes_nothing() -> None:
     model = knowing(TWO)
     before = known(model)
     look_on(model, TWO, Camera(robot="r2", off=(0.0, 1.5, 0.0)), 3)
-    assert look_on(model, [], Camera(robot="r2"), 2 * ALONE_VIEWS, start_s=KNOWN_S + 2) == []
+    assert look_on(model, [], Camera(robot="r2"), 2 * ALONE_VIEWS_TO_TRUST, start_s=KNOWN_S + 2) == []
     assert (doubted(model, "r2"), known(model)) == (LOST, before)
 
 
@@ -163,7 +162,7 @@ def test_a_robot_with_cameras_on_both_sides_that_stands_still_removes_nothing_th
     model = knowing(FOUR)
     before = known(model)
     sides = [Camera(y=side, robot="r2", name=f"c{side}") for side in (1.0, -1.0)]
-    assert watch(model, [], sides, KNOWN_S, 3 * ALONE_VIEWS) == []
+    assert watch(model, [], sides, KNOWN_S, 3 * ALONE_VIEWS_TO_TRUST) == []
     assert known(model) == before
 
 
@@ -268,9 +267,9 @@ def test_a_robot_with_broken_depth_is_trusted_late_where_nothing_is_known() -> N
     look_on(model, TWO, Camera(), 3, without_depth)
     assert doubted(model, "r1") == WRONG_DEPTH
     away = Camera(yaw=np.pi)
-    look_on(model, [], away, ALONE_VIEWS, without_depth, start_s=13.0)
+    look_on(model, [], away, ALONE_VIEWS_TO_TRUST, without_depth, start_s=13.0)
     assert doubted(model, "r1") == WRONG_DEPTH
-    look_on(model, [], away, ALONE_VIEWS, start_s=30.0)
+    look_on(model, [], away, ALONE_VIEWS_TO_TRUST, start_s=30.0)
     assert doubted(model, "r1") == RIGHT
 
 
@@ -287,27 +286,9 @@ def test_a_few_views_that_show_a_pit_do_not_lower_the_floor(pits: int) -> None:
     assert look_on(model, TWO, Camera(), pits, partial(with_low_part, depth_mm=9_900)) == []
     assert look_on(model, TWO, Camera(), 60, without_depth, start_s=13.0) == []
     assert doubted(model, "r1") == WRONG_DEPTH
-    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, start_s=50.0, drives=True) == ["gone"] * len(TWO)
-
-
-def test_a_floor_that_was_deep_for_long_comes_back() -> None:
-    floors, one = FloorLevels(), np.zeros(1, np.intp)
-    for level, views, known_m in (
-        (0.0, 1, 0.0),
-        (-3.0, 20, -3.0),
-        (np.nan, 9, -3.0),
-        (-np.inf, 9, -3.0),
-        (0.1, 5, 0.1),
-    ):
-        for _ in range(views):
-            floors.learn(one, np.array([level]))
-        assert floors.known.tolist() == [known_m]
-
-
-def test_a_floor_is_not_known_before_a_view_fits() -> None:
-    floors, one = FloorLevels(), np.zeros(1, np.intp)
-    for level in (0.0, -9.0, np.inf):
-        assert [each.tolist() for each in floors.compare(one, np.array([level]))] == [[False], [False]]
+    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS_TO_TRUST, start_s=50.0, drives=True) == ["gone"] * len(
+        TWO
+    )
 
 
 def test_where_the_maps_zero_is_below_the_floor_one_that_is_unsure_sees_what_is_gone() -> None:
@@ -315,7 +296,7 @@ def test_where_the_maps_zero_is_below_the_floor_one_that_is_unsure_sees_what_is_
     raised = partial(higher, by_m=1.0)
     look_on(model, FOUR, Camera(), 20, raised, start_s=1.0)
     assert len(known(model)) == len(FOUR)
-    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS, raised, drives=True) == ["gone"] * len(FOUR)
+    assert look_on(model, [], Camera(robot="r2"), ALONE_VIEWS_TO_TRUST, raised, drives=True) == ["gone"] * len(FOUR)
 
 
 def test_a_camera_that_shows_its_own_forks_sees_what_is_gone() -> None:
@@ -325,7 +306,9 @@ def test_a_camera_that_shows_its_own_forks_sees_what_is_gone() -> None:
     model = knowing(FOUR)
     look_on(model, FOUR, Camera(robot="r2"), 10, with_forks)
     other = Camera(robot="r2")
-    assert look_on(model, [], other, ALONE_VIEWS, with_forks, start_s=60.0, drives=True) == ["gone"] * len(FOUR)
+    assert look_on(model, [], other, ALONE_VIEWS_TO_TRUST, with_forks, start_s=60.0, drives=True) == ["gone"] * len(
+        FOUR
+    )
 
 
 @pytest.mark.parametrize("wavers_m", [0.0, 0.3])
@@ -333,7 +316,7 @@ def test_a_robot_just_started_that_stands_still_removes_nothing_that_others_saw(
     model = knowing(FOUR)
     before = known(model)
     cameras = [Camera(robot="r2", off=(side * wavers_m, 0.0, 0.0)) for side in (1, -1)]
-    for step in range(5 * ALONE_VIEWS):
+    for step in range(5 * ALONE_VIEWS_TO_TRUST):
         assert watch(model, [], cameras[step % 2 :][:1], KNOWN_S + step / 2, 1) == []
     assert known(model) == before
 

@@ -12,7 +12,7 @@ from services.worldmodel.classes import ASSUMED_RATE, MAX_CLASSES, MOST_BROUGHT,
 from services.worldmodel.events import BACK_NS, Gone
 from services.worldmodel.fusion import fitted
 from services.worldmodel.objects import CELL_M, Index, Objects
-from services.worldmodel.offsets import ALONE_VIEWS, JUMPED, RIGHT, TRUST_VIEWS, Localisation, Offsets
+from services.worldmodel.offsets import ALONE_VIEWS_TO_TRUST, JUMPED, RIGHT, TRUST_VIEWS, Localisation, Offsets
 from services.worldmodel.placement import UNITS
 from services.worldmodel.solids import overlap, shifted
 
@@ -130,7 +130,7 @@ def test_an_offset_is_learned_and_forgotten_again() -> None:
 
 
 def test_a_robot_that_has_jumped_is_trusted_when_it_fits_and_late_where_nothing_is_known() -> None:
-    for expected, found, views in ((5, 4, TRUST_VIEWS), (0, 0, ALONE_VIEWS)):
+    for expected, found, views in ((5, 4, TRUST_VIEWS), (0, 0, ALONE_VIEWS_TO_TRUST)):
         offsets, one = Offsets(Localisation()), np.zeros(1, np.intp)
         offsets.reserve(1)
         for at_s, x in ((1, 0.0), (2, 30.0)):

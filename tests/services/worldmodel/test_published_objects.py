@@ -10,7 +10,7 @@ from schemas.distances import CameraView
 from schemas.world import MAX_CELLS, WorldRequest
 from services.worldmodel.floor import BLOCK, CELL_M, EVERY_NS, MOST_BLOCKS, Floor
 from services.worldmodel.model import SiteModel
-from services.worldmodel.names import Roster
+from services.worldmodel.name_limits import NameLimit
 from services.worldmodel.published_objects import PublishedObjects, inside
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import REPLACED, Site, ViewReader
@@ -184,8 +184,8 @@ def test_a_robot_that_a_site_names_is_in_no_other_one() -> None:
     settings = WorldSettings(sites=["main=*", "hall-2=r1+r2", "hall-3=r3"])
     assert settings.elsewhere("main") == {"r1", "r2", "r3"}
     assert settings.elsewhere("hall-3") == {"r1", "r2"}
-    roster = Roster()
-    reader = ViewReader("map", roster, settings.elsewhere("main"))
+    name_limit = NameLimit()
+    reader = ViewReader("map", name_limit, settings.elsewhere("main"))
     samples = [
         Sample(f"fleet/{robot}/front/view", codec.encode(view([], Camera(robot=robot), 1.0)), ENCODING, NS, replaced=1)
         for robot in ("r1", "r4")

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from services.worldmodel.model import SiteModel
-from services.worldmodel.offsets import ALONE_VIEWS, LOST, REASONS, RIGHT
+from services.worldmodel.offsets import ALONE_VIEWS_TO_TRUST, LOST, REASONS, RIGHT
 from services.worldmodel.published_objects import PublishedObjects
 from services.worldmodel.state import restored, saved
 from tests.services.worldmodel.scene import KNOWN_S, TWO, Camera, doubted, knowing, known, look_on, without_depth
@@ -26,7 +26,7 @@ def test_a_robot_that_is_doubted_stays_so_after_a_restart() -> None:
     look_on(before, TWO, Camera(robot="r2", off=(0.0, 1.5, 0.0)), 3)
     model = after_restart(before)
     assert doubts(model) == [REASONS[LOST]]
-    assert look_on(model, [], Camera(robot="r2"), 2 * ALONE_VIEWS, start_s=KNOWN_S + 2) == []
+    assert look_on(model, [], Camera(robot="r2"), 2 * ALONE_VIEWS_TO_TRUST, start_s=KNOWN_S + 2) == []
     assert (doubted(model, "r1"), doubted(model, "r2")) == (RIGHT, LOST)
     assert len(known(model)) == len(TWO)
     look_on(model, TWO, Camera(robot="r2"), 5, start_s=60.0)
@@ -36,8 +36,10 @@ def test_a_robot_that_is_doubted_stays_so_after_a_restart() -> None:
 @pytest.mark.parametrize("robot", ["r1", "r2"])
 def test_how_high_the_floor_is_stays_known_after_a_restart(robot: str) -> None:
     model = after_restart(knowing(TWO))
-    assert look_on(after_restart(model), [], Camera(robot=robot), ALONE_VIEWS, drives=True) == ["gone"] * len(TWO)
-    assert look_on(model, [], Camera(robot=robot), ALONE_VIEWS, without_depth) == []
+    assert look_on(after_restart(model), [], Camera(robot=robot), ALONE_VIEWS_TO_TRUST, drives=True) == ["gone"] * len(
+        TWO
+    )
+    assert look_on(model, [], Camera(robot=robot), ALONE_VIEWS_TO_TRUST, without_depth) == []
     assert REASONS[doubted(model, robot)] == "its depth does not fit the floor"
 
 

@@ -18,7 +18,7 @@ from schemas.worker_keys import WorldStream, world_key
 from schemas.world import SiteStatus
 from services.worldmodel.floor import Floor
 from services.worldmodel.model import SiteModel
-from services.worldmodel.names import Roster
+from services.worldmodel.name_limits import NameLimit
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import CLOCKS_APART, FAILED, MALFORMED, OTHER_FRAME, REPLACED, Site, ViewReader
 from tests.services.worldmodel.scene import NS, Camera, Thing, view
@@ -62,7 +62,7 @@ async def test_a_view_that_is_turned_by_no_rotation_is_left_out_and_the_site_goe
 async def test_views_that_are_left_out_are_told_with_their_robot_and_logged_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    reader = ViewReader("map", Roster())
+    reader = ViewReader("map", NameLimit())
     seen = view([], Camera(), 1.0)
     other = msgspec.structs.replace(seen, frame_id="odom")
     key, encoding = CameraKey("r1", "front").stream(Stream.VIEW), codec.encoding(CameraView)

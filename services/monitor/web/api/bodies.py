@@ -20,7 +20,6 @@ from services.monitor.history.state import Act
 from services.monitor.history.world_history import ObjectEvent, StockLevel
 from services.monitor.inventory.inventory import Entry
 from services.monitor.map.footprints import address_of_id
-from services.monitor.map.sites import KnownSite
 from services.monitor.snapshot import CameraLine, RobotLine, WorkerLine
 from services.monitor.web.api.models import (
     ActAnswer,
@@ -37,6 +36,7 @@ from services.monitor.web.api.models import (
     WorkerAnswer,
 )
 from services.monitor.web.api.world_models import EventAnswer, RobotOffsetAnswer, SiteAnswer, StockAnswer, ZoneAnswer
+from services.monitor.world.site_status import KnownSite
 from services.monitor.world.zones import ZoneCount
 
 M = TypeVar("M", bound=Part)

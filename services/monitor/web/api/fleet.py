@@ -10,9 +10,8 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Path, Request, Response
 
 from schemas.keys import CameraKey
-from services.monitor.event_loop import in_turns
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.inventory.inventory import Entry, Inventory
-from services.monitor.map.sites import KnownSite
 from services.monitor.monitor import Monitor
 from services.monitor.snapshot import WorkerLine
 from services.monitor.web.api.bodies import (
@@ -29,6 +28,7 @@ from services.monitor.web.api.bodies import (
 from services.monitor.web.api.models import CameraAnswer, GatewayAnswer, Page, RobotAnswer, SightingAnswer, WorkerAnswer
 from services.monitor.web.api.paging import After, ClassName, Limit, Name, first_of, operator_of, page_of, place_of
 from services.monitor.web.api.world_models import SiteAnswer, ZoneAnswer
+from services.monitor.world.site_status import KnownSite
 from services.monitor.world.zones import ZoneCount
 
 PLACE: Final = attrgetter("robot", "camera")
@@ -156,14 +156,14 @@ def _account_routes(monitor: Monitor) -> APIRouter:
 
     @router.get("/sites", response_model=Page[SiteAnswer])
     async def sites(*, limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
-        """What is in each site that a world model keeps: every object once, whoever saw it."""
+        """The objects in each site that a world model keeps: each once, whichever robot saw it."""
         now_ns = time.time_ns()
         found, mark = page_of(monitor.fleet.sites.every(), _site_place, limit, after, 1)
         return page_response(now_ns, [encoded_answer(site_answer(each, now_ns)) for each in found], mark)
 
     @router.get("/zones", response_model=Page[ZoneAnswer])
     async def zones(*, site: Name = "", limit: Limit = DEFAULT_LIMIT, after: After = None) -> Response:
-        """What is in each zone of the zone file, by site and name: every object once, whoever saw it."""
+        """The objects in each zone of the zone file, by site and name: each once, whichever robot saw it."""
         now_ns, fleet = time.time_ns(), monitor.fleet
         counted = fleet.world.zones(fleet.sites, now_ns)
         every = sorted((each for each in counted if site in ("", each.zone.site)), key=_zone_place)

@@ -104,7 +104,7 @@ def history_routes(monitor: Monitor) -> APIRouter:
         limit: Limit = DEFAULT_LIMIT,
         after: After = None,
     ) -> Page[EventAnswer]:
-        """What became of sites' objects, newest first: appeared, moved, gone, back, merged."""
+        """Events of sites' objects, newest first: appeared, moved, gone, back, merged."""
         place = None if after is None else place_of(after, (int, str, str, str))
         query = WorldQuery(*during, site=site, object=object_id, name=name)
         found = await monitor.archive.object_events(query, limit + 1, place)

@@ -11,7 +11,8 @@ from typing import Annotated, Final, Literal, get_args
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 
 from schemas.alerts import Alert
-from services.monitor.event_loop import CachedValue, in_turns
+from services.monitor.event_loop.cached_value import CachedValue
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.formats import moment
 from services.monitor.history.state import HistoryError
 from services.monitor.monitor import MAX_AGE_S, Monitor

@@ -8,7 +8,6 @@ from schemas.status import GatewayStatus
 from services.monitor.fleet import Fleet
 from services.monitor.history.state import Act
 from services.monitor.inventory.inventory import Entry
-from services.monitor.map.sites import KnownSite
 from services.monitor.snapshot import CameraLine, RobotLine, Snapshot, WorkerLine
 from services.monitor.warehouses.reports import KnownWarehouse
 from services.monitor.web.api.bodies import (
@@ -24,6 +23,7 @@ from services.monitor.web.api.bodies import (
 )
 from services.monitor.web.api.objects import FoundObject, object_answer
 from services.monitor.web.api.warehouses import warehouse_answer
+from services.monitor.world.site_status import KnownSite
 from services.monitor.world.zones import ZoneCount
 
 Name = tuple[str, ...]

@@ -16,10 +16,9 @@ from fastapi import APIRouter, Depends, HTTPException, Query, Response
 from fastapi.responses import FileResponse
 from starlette.background import BackgroundTask
 
-from services.monitor.event_loop import in_turns
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.fleet import Fleet
 from services.monitor.formats import as_text, moment, rounded
-from services.monitor.map.sites import Sites
 from services.monitor.monitor import Monitor
 from services.monitor.web.api.bodies import Body, encoded_answer, known_moment, page_response
 from services.monitor.web.api.history import FILES, KINDS
@@ -28,6 +27,7 @@ from services.monitor.web.api.paging import After, ClassName, Limit, Name, first
 from services.monitor.web.api.world_models import ObjectAnswer, SeerAnswer
 from services.monitor.world.selection import ObjectFilters
 from services.monitor.world.site_objects import PlacedObject, World
+from services.monitor.world.site_status import Sites
 
 DEFAULT_LIMIT: Final = 200
 NS: Final = 1_000_000_000
@@ -88,7 +88,7 @@ async def first_objects(
 def _first(
     world: World, sites: Sites, wanted: ObjectQuery, most: int, after: tuple[str, str] | None
 ) -> list[FoundObject]:
-    """Choose in another thread, as there may be hundred thousands: what is looked at is copied in one step."""
+    """Choose in another thread, as there may be hundred thousands; each site's objects are copied in one step."""
     now_ns = time.time_ns()
     found: list[FoundObject] = []
     for name, site in sorted(world.sites.items()):

@@ -8,7 +8,7 @@ from fastapi import APIRouter, HTTPException, Path, Query, Response
 from bus import NotServedError, RefusedError, RequestError, RequestTimeoutError
 from schemas.errors import SchemaError
 from schemas.world import MAX_OBJECTS, WorldAnswer
-from services.monitor.event_loop import in_turns
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.formats import moment
 from services.monitor.monitor import Monitor
 from services.monitor.warehouses.reports import KnownWarehouse

@@ -18,7 +18,7 @@ class RobotOffsetAnswer(Part):
 
 
 class SiteAnswer(Part):
-    """What a world model keeps of a site: objects by class, each once. current: it said so within 5 seconds."""
+    """The objects of a site by class, each once. current: the world model reported within 5 seconds."""
 
     site: str
     worker: str
@@ -84,7 +84,7 @@ class ObjectAnswer(Part):
 
 
 class EventAnswer(Part):
-    """What became of an object: appeared, moved, gone, back or merged. x, y: where it is then, metres in the map.
+    """An event of an object: appeared, moved, gone, back or merged. x, y: where it is then, metres in the map.
 
     until: of a move, when it was told last. from_x, from_y: where it was before a move. into: the object that it turned
     out to be. by: the robot that saw it.

@@ -15,7 +15,7 @@ from services.monitor.web.pages.in_view import add_in_view
 from services.monitor.web.pages.inventory import add_inventory
 from services.monitor.web.pages.map import add_map, floor_plan_route
 from services.monitor.web.pages.mjpeg import PATH, MjpegStreams
-from services.monitor.web.pages.objects import add_objects
+from services.monitor.web.pages.object_clouds import add_objects
 from services.monitor.web.pages.overview import add_overview
 from services.monitor.web.pages.page_data import PageData
 from services.monitor.web.pages.wall import add_wall

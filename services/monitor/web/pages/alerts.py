@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Final
 from nicegui import events, ui
 
 from schemas.alerts import Alert, AlertState, Severity
-from services.monitor.event_loop import CachedValue
+from services.monitor.event_loop.cached_value import CachedValue
 from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.state import Act, HistoryError
 from services.monitor.monitor import Monitor

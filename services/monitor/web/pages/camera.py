@@ -20,7 +20,7 @@ from services.monitor.live_views.shared import CrowdedError
 from services.monitor.live_views.why_no_picture import Reason, facts_of, why_nothing
 from services.monitor.liveness import STALE_S
 from services.monitor.monitor import Monitor
-from services.monitor.requests import SaveImageError, save_picture
+from services.monitor.requests.picture_requests import SavePictureError, save_picture
 from services.monitor.web.auth.users import Visitor
 from services.monitor.web.pages.components import FLEET, still
 from services.monitor.web.pages.frame import page_at, page_frame
@@ -113,7 +113,7 @@ class _Live:
         self._save.disable()
         try:
             saved = await save_picture(self._monitor.bus, self._key, self._visitor.name)
-        except SaveImageError as error:
+        except SavePictureError as error:
             ui.notify(f"Not saved: {error}", type="warning", multi_line=True)
         else:
             ui.notify(f"Saved: {saved.file} in {saved.folder}{drafted(saved)}", type="positive", multi_line=True)

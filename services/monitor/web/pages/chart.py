@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from nicegui import ui
 
-from services.monitor.event_loop import CachedValue
+from services.monitor.event_loop.cached_value import CachedValue
 from services.monitor.history.archive import Archive, HistoryQuery, WorldQuery
 from services.monitor.history.counting import Counts
 from services.monitor.history.state import HistoryError

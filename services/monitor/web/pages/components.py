@@ -99,7 +99,7 @@ class NavigationLinks:
 
 
 def panel(title: str) -> ui.element:
-    """Add a panel with a heading; what is made within goes below that."""
+    """Add a panel with a heading; elements made within the context go below the heading."""
     made = ui.element("div").classes("fs-panel")
     with made, ui.element("div").classes("fs-panel-head"), ui.element("h2"):
         ui.label(title)

@@ -12,7 +12,7 @@ from fastapi import Depends, FastAPI, Request
 from fastapi.responses import HTMLResponse
 from nicegui import ui
 
-from services.monitor.event_loop import pause
+from services.monitor.event_loop.cooperative_yielding import pause
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import HistoryError
 from services.monitor.monitor import Monitor
@@ -152,7 +152,7 @@ async def page_frame(
     """Fill a page: elements made inside are below the header. Yields the visitor.
 
     here: the place that it belongs to. bars: it has a header and a footer to go elsewhere.
-    An element takes a third of a millisecond to make: whatever else waits gets its turn in between.
+    An element takes a third of a millisecond to make: other tasks get their turn in between.
     """
     client = ui.context.client
     visitor = visitor_of(client.request)

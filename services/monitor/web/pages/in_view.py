@@ -18,7 +18,14 @@ from services.monitor.web.pages.frame import REFRESH_S, export_link, nothing_yet
 from services.monitor.web.pages.live_table import SEARCH, Choices, Column, LiveTable, Loaded, RowWindow, search_field
 from services.monitor.web.pages.page_data import PageData
 from services.monitor.web.pages.rows.formatting import plural
-from services.monitor.web.pages.rows.inventory import SIGHTING_BODY, SIGHTING_CARD, Filters, Stock, as_csv, sighting_row
+from services.monitor.web.pages.rows.sightings import (
+    SIGHTING_BODY,
+    SIGHTING_CARD,
+    Filters,
+    SightingTable,
+    as_csv,
+    sighting_row,
+)
 
 MAX_TILES: Final = 8
 MAX_CSV: Final = 100_000
@@ -124,14 +131,14 @@ class _InView:
         show_chart(self._chart, self._why_not, drawn, "None of it was in view during this time.")
 
     async def _load(self, window: RowWindow) -> Loaded:
-        stock = await self._shared.stock()
-        found = stock.wanted(replace(self._filters, sort=window.sort, descending=window.descending))
+        sightings = await self._shared.sightings()
+        found = sightings.wanted(replace(self._filters, sort=window.sort, descending=window.descending))
         now_ns = time.time_ns()
         rows = [sighting_row(entry, now_ns) for entry in found[window.begin : window.end]]
-        return Loaded(rows, len(found), partial(self._count, stock, found))
+        return Loaded(rows, len(found), partial(self._count, sightings, found))
 
-    def _count(self, stock: Stock, found: Sequence[Entry]) -> None:
-        shown = list(stock.totals)[:MAX_TILES]
+    def _count(self, sightings: SightingTable, found: Sequence[Entry]) -> None:
+        shown = list(sightings.totals)[:MAX_TILES]
         if self._filters.name and self._filters.name not in shown:
             shown = [*shown[: MAX_TILES - 1], self._filters.name]
         if shown != list(self._tiles):
@@ -139,14 +146,16 @@ class _InView:
             with self._totals:
                 self._tiles = {name: Tile(name, on_click=partial(self._only, name)) for name in shown}
         for name, tile in self._tiles.items():
-            views = stock.views[name]
+            views = sightings.views[name]
             of = f"in {views:,} views" if views > 1 else ""
-            tile.show(f"{stock.totals.get(name, 0):,}", of, on=name == self._filters.name)
-        unknown = f", {stock.unknown:,} more currently unknown" if self._filters.in_view and stock.unknown else ""
+            tile.show(f"{sightings.totals.get(name, 0):,}", of, on=name == self._filters.name)
+        unknown = (
+            f", {sightings.unknown:,} more currently unknown" if self._filters.in_view and sightings.unknown else ""
+        )
         self._found.set_text(plural(len(found), "sighting") + unknown)
-        self._sums.set_visibility(any(views > 1 for views in stock.views.values()))
-        self._nothing.set_visibility(not stock.entries)
-        self._none.set_visibility(bool(stock.entries) and not found)
+        self._sums.set_visibility(any(views > 1 for views in sightings.views.values()))
+        self._nothing.set_visibility(not sightings.entries)
+        self._none.set_visibility(bool(sightings.entries) and not found)
 
     async def _only(self, name: str) -> None:
         self._filters = replace(self._filters, name="" if self._filters.name == name else name)
@@ -181,6 +190,6 @@ class _InView:
         await self.draw()
 
     async def _download(self) -> None:
-        found = (await self._shared.stock()).wanted(self._filters)
+        found = (await self._shared.sightings()).wanted(self._filters)
         text = await asyncio.to_thread(as_csv, found[:MAX_CSV])
         ui.download.content(f"\N{BYTE ORDER MARK}{text}", "inventory.csv", "text/csv")  # for Excel

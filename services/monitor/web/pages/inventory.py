@@ -93,7 +93,7 @@ class _Inventory:
             self._objects = self._draw_objects()
         self._empty = nothing_yet(
             "inventory_2",
-            "What is in the warehouse is not known",
+            "The contents of the warehouse are not known",
             "A world model keeps every object once, from what all robots see. Start one where a robot with a map and "
             "a distance service is; until then see what each camera has in view:",
             command=f"fleetsight worldmodel --connect {self._join}",

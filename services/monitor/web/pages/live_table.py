@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 
 from nicegui import events, ui
 
-from services.monitor.event_loop import pause
+from services.monitor.event_loop.cooperative_yielding import pause
 
 ROWS: Final = 25
 CHOICES: Final = (10, 25, 50, 100)

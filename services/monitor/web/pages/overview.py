@@ -8,7 +8,7 @@ from typing import Final
 from nicegui import events, ui
 
 from bus.session.links import is_loopback
-from services.monitor.event_loop import pause
+from services.monitor.event_loop.cooperative_yielding import pause
 from services.monitor.join_address import ALSO_ELSEWHERE, endpoint_to_join
 from services.monitor.liveness import RobotState
 from services.monitor.monitor import Monitor, RobotThereError, UnknownRobotError

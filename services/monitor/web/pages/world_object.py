@@ -179,24 +179,29 @@ class _ObjectPage:
             "An id is never given to another object."
         )
         last = self._events[0] if self._events else None
-        if not self._monitor.fleet.world.on or (known and shown.objects is None):
-            title, advice = "Its site is not known now", shown.notice or OFF
+        if not self._monitor.fleet.world.on:
+            title, advice = "This monitor follows no world model", OFF
+        elif known and shown.objects is None:
+            title, advice = "The world model of this site is not running", shown.notice
         elif not known:
             names = ", ".join(site_names(self._monitor.fleet.world, self._monitor.fleet.sites)) or "none"
             title, advice = (
                 "There is no such site",
-                f"No world model tells of a site {self._site}. Known sites: {names}.",
+                f"No world model serves site {self._site}. Known sites: {names}.",
             )
         elif last is not None and last.kind == ChangeKind.MERGED:
             title, advice = (
-                "It is another object",
+                "This object was merged into another",
                 f"It turned out to be {last.into}, {seen_lately(last.until_ns, now_ns)}.",
             )
         elif not shown.current:
-            title, advice = "Its site is not known now", shown.notice
+            title, advice = "The objects of this site are not up to date", shown.notice
         elif last is not None and last.kind != ChangeKind.GONE:
             title = f"{last.name} {self._id} is not known any more"
-            advice = f"The world model has begun anew since it was last heard of, {ago(last.until_ns, now_ns)}."
+            advice = (
+                "The world model was restarted without its state after this object was last reported, "
+                f"{ago(last.until_ns, now_ns)}."
+            )
         elif last is not None:
             title = f"{last.name} {self._id} is gone"
             advice = f"Nothing was at its place when somebody looked, {ago(last.until_ns, now_ns)}."

@@ -37,9 +37,9 @@ def value_of(made: Shaped) -> int:
 
 @asynccontextmanager
 async def working() -> AsyncIterator[EncoderPool]:
-    workshop = EncoderPool()
-    running = asyncio.create_task(workshop.run())
-    yield workshop
+    encoder_pool = EncoderPool()
+    running = asyncio.create_task(encoder_pool.run())
+    yield encoder_pool
     running.cancel()
     await asyncio.wait([running])
 
@@ -53,21 +53,21 @@ def test_a_job_scales_and_compresses() -> None:
 
 async def test_frames_come_back_in_order() -> None:
     client = Recorder()
-    async with working() as workshop:
+    async with working() as encoder_pool:
         for value in range(5):
-            assert workshop.submit(client, job(value)) == 0
+            assert encoder_pool.submit(client, job(value)) == 0
             await until(lambda value=value: len(client.made) == value + 1, "it is shaped")  # type: ignore[misc]
-            assert not workshop.is_busy_for(client)
+            assert not encoder_pool.is_busy_for(client)
     assert [value_of(made) for made in client.made] == [0, 1, 2, 3, 4]
 
 
 async def test_of_each_client_the_newest_waits_and_all_are_served_in_turn() -> None:
     one, other = Recorder(), Recorder()
-    workshop = EncoderPool()
-    assert [workshop.submit(one, job(value)) for value in range(3)] == [0, 1, 1]
-    assert workshop.submit(other, job(9)) == 0
-    assert workshop.is_busy_for(one)
-    running = asyncio.create_task(workshop.run())
+    encoder_pool = EncoderPool()
+    assert [encoder_pool.submit(one, job(value)) for value in range(3)] == [0, 1, 1]
+    assert encoder_pool.submit(other, job(9)) == 0
+    assert encoder_pool.is_busy_for(one)
+    running = asyncio.create_task(encoder_pool.run())
     await until(lambda: one.made and other.made, "both are served")
     running.cancel()
     await asyncio.wait([running])
@@ -77,10 +77,10 @@ async def test_of_each_client_the_newest_waits_and_all_are_served_in_turn() -> N
 async def test_a_frame_that_cannot_be_shaped_spoils_itself_only() -> None:
     client = Recorder()
     file = compressed(file_of(picture(4, 6), ".png"), "rgb8", 18)
-    async with working() as workshop:
-        workshop.submit(client, EncodeJob(file, 2, LOSSY))
+    async with working() as encoder_pool:
+        encoder_pool.submit(client, EncodeJob(file, 2, LOSSY))
         await until(lambda: client.errors, "it is spoilt")
-        workshop.submit(client, job(7))
+        encoder_pool.submit(client, job(7))
         await until(lambda: client.made, "the next one is shaped")
     (error,) = client.errors
     assert error.startswith("a png that arrived as one cannot be scaled")
@@ -88,16 +88,16 @@ async def test_a_frame_that_cannot_be_shaped_spoils_itself_only() -> None:
 
 async def test_who_left_is_told_nothing() -> None:
     gone, other = Recorder(), Recorder()
-    async with working() as workshop:
+    async with working() as encoder_pool:
         for served in (False, True):
-            workshop.submit(gone, EncodeJob(frame("rgb8", picture(1000, 1000)), 1, LOSSY))
+            encoder_pool.submit(gone, EncodeJob(frame("rgb8", picture(1000, 1000)), 1, LOSSY))
             if served:
                 await asyncio.sleep(0)
                 await asyncio.sleep(0)
-            workshop.submit(gone, job())
-            assert workshop.leave(gone) == 1 + served
-            assert not workshop.is_busy_for(gone)
-        workshop.submit(other, job())
+            encoder_pool.submit(gone, job())
+            assert encoder_pool.leave(gone) == 1 + served
+            assert not encoder_pool.is_busy_for(gone)
+        encoder_pool.submit(other, job())
         await until(lambda: other.made, "the other one is served")
     assert not gone.made
     assert not gone.errors

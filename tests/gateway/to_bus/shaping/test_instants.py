@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.to_bus.shaping.frame_rates import SAME_NS, UNMATCHED_LIMIT, Instants, StreamRate
-from gateway.to_bus.shaping.token_bucket import SECOND_NS
+from gateway.to_bus.shaping.frame_rates import SAME_NS, SECOND_NS, UNMATCHED_LIMIT, Instants, StreamRate
 
 MS = 1_000_000
 BEGIN = 1_700_000_000_000 * MS
@@ -237,13 +236,13 @@ def test_stamps_that_say_nothing_are_replaced_by_the_time_of_arrival(stamp: int)
 
 def test_a_limit_can_change_and_be_lifted() -> None:
     instants = Instants()
-    thinning = StreamRate(lambda: instants, "color", 10)
+    rate_limiter = StreamRate(lambda: instants, "color", 10)
     first, second, third = stamps(30, 1), stamps(30, 1, begin=BEGIN + 1000 * MS), stamps(30, 1, begin=BEGIN + 2000 * MS)
-    assert sum(thinning.passes(stamp, stamp) for stamp in first) == 10
-    thinning.max_hz = 5
-    assert sum(thinning.passes(stamp, stamp) for stamp in second) == 5
-    thinning.max_hz = None
-    assert all(thinning.passes(stamp, stamp) for stamp in third)
+    assert sum(rate_limiter.passes(stamp, stamp) for stamp in first) == 10
+    rate_limiter.max_hz = 5
+    assert sum(rate_limiter.passes(stamp, stamp) for stamp in second) == 5
+    rate_limiter.max_hz = None
+    assert all(rate_limiter.passes(stamp, stamp) for stamp in third)
 
 
 def test_what_is_remembered_is_bounded() -> None:

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.to_bus.shaping.frame_rates import Instants
-from gateway.to_bus.shaping.token_bucket import BURST_S, TokenBucket
+from gateway.to_bus.shaping.frame_rates import BURST_S, Instants, TokenBucket
 
 MS = 1_000_000
 SECOND = 1_000 * MS

@@ -57,9 +57,9 @@ async def test_depth_is_scaled_with_its_own_calibration(rig: Rig) -> None:
 
 async def test_a_cameras_streams_share_their_instants_and_only_what_may_be_left_out_has_a_rate(rig: Rig) -> None:
     shaping = await rig.shaping(max_hz="10")
-    assert shaping.thinning(INFO) is None
-    assert shaping.thinning(sensor_key("r1", "tf")) is None
-    color, depth, battery = (shaping.thinning(key) for key in (COLOR, DEPTH, BATTERY))
+    assert shaping.rate_limiter(INFO) is None
+    assert shaping.rate_limiter(sensor_key("r1", "tf")) is None
+    color, depth, battery = (shaping.rate_limiter(key) for key in (COLOR, DEPTH, BATTERY))
     assert color is not None
     assert depth is not None
     assert battery is not None
@@ -71,18 +71,18 @@ async def test_a_cameras_streams_share_their_instants_and_only_what_may_be_left_
 
 async def test_a_cameras_instants_begin_anew_only_when_all_of_its_streams_were_away(rig: Rig) -> None:
     shaping = await rig.shaping(max_hz="1")
-    thinning = shaping.thinning(COLOR)
-    assert thinning is not None
+    rate_limiter = shaping.rate_limiter(COLOR)
+    assert rate_limiter is not None
     tenth = 100_000_000
     async with AsyncExitStack() as present:
         await Rig(rig.network, present).output(DEPTH, shaping)
         async with AsyncExitStack() as away:
             await Rig(rig.network, away).output(COLOR, shaping)
-            assert thinning.passes(1, 1)
+            assert rate_limiter.passes(1, 1)
         await Rig(rig.network, present).output(COLOR, shaping)
-        assert not thinning.passes(tenth, tenth)
+        assert not rate_limiter.passes(tenth, tenth)
     await rig.output(COLOR, shaping)
-    assert thinning.passes(2 * tenth, 2 * tenth)
+    assert rate_limiter.passes(2 * tenth, 2 * tenth)
 
 
 async def test_cameras_that_come_and_go_leave_nothing_behind(rig: Rig) -> None:
@@ -90,11 +90,11 @@ async def test_cameras_that_come_and_go_leave_nothing_behind(rig: Rig) -> None:
     before = instants_in_memory()
     for number in range(5):
         key = sensor_key("r1", f"camera_{number}/color")
-        thinning = shaping.thinning(key)
+        rate_limiter = shaping.rate_limiter(key)
         async with AsyncExitStack() as present:
             output, frames = await Rig(rig.network, present).output(key, shaping)
-            assert thinning is not None
-            assert thinning.passes(1, 1)
+            assert rate_limiter is not None
+            assert rate_limiter.passes(1, 1)
             output.put(numbered(0))
             await receive(frames, ImageFrame)
     assert instants_in_memory() == before

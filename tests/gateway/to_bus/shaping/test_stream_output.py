@@ -70,7 +70,7 @@ async def test_a_raw_frame_does_not_overtake_one_that_is_being_compressed(rig: R
     assert [(await receive(arrived, ImageFrame)).header.seq for _ in range(2)] == [0, 1]
 
 
-async def test_newest_wins_while_the_workshop_is_busy(rig: Rig) -> None:
+async def test_newest_wins_while_the_encoder_pool_is_busy(rig: Rig) -> None:
     output, arrived = await rig.output(COLOR, await rig.shaping(compression="png"))
     for seq in range(4):
         output.put(numbered(seq))

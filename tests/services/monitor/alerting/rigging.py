@@ -12,10 +12,10 @@ from schemas import codec
 from schemas.alerts import Action, Alert, AlertState
 from schemas.keys import RobotStreamKey
 from services.monitor.alerting.alerting import OFFER_S, Alerting
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.rules.engine import MAX_SUBJECTS
+from services.monitor.rules.rule_file import RuleFile
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 

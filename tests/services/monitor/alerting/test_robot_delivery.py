@@ -16,9 +16,9 @@ from schemas.alerts import Alert, AlertState
 from services.monitor.alerting import robot_delivery as module
 from services.monitor.alerting.alerting import Alerting
 from services.monitor.alerting.robot_delivery import Lanes
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
+from services.monitor.rules.rule_file import RuleFile
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.alerting.test_webhooks import Receiver, receiving
 from tests.services.monitor.inventory.seeing import FRONT, seen

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from bus.fake import FakeNetwork
 from services.monitor.alerting.alerting import Alerting
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.alerting.webhooks import Outcome
 from services.monitor.history.settings import HistorySettings
 from services.monitor.history.writer import HistoryWriter
 from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.inventory.sighting import Change
+from services.monitor.rules.rule_file import RuleFile
 from tests.services.monitor.alerting.hearing import hears
 from tests.services.monitor.alerting.test_webhooks import receiving, told
 from tests.services.monitor.history.test_store import opened

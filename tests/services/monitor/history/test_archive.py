@@ -13,7 +13,7 @@ from services.monitor.history.opening import connect
 from services.monitor.history.settings import NONE
 from services.monitor.history.state import Act, HistoryError
 from services.monitor.inventory.inventory import Entry
-from services.monitor.web.pages.rows.inventory import Filters, Stock
+from services.monitor.web.pages.rows.sightings import Filters, SightingTable
 from tests.schemas.results import alert
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S
@@ -96,7 +96,7 @@ async def test_letters_of_every_alphabet_are_found_in_capitals_or_not(url: str) 
     ):
         assert {each.name for each in await Archive(url).sightings(HistoryQuery(text=text), 9)} == wanted, text
         entries = [Entry(each.sighting(), available=True) for each in await Archive(url).sightings(HistoryQuery(), 9)]
-        listed = Stock(entries).wanted(Filters(text=text, in_view=False))
+        listed = SightingTable(entries).wanted(Filters(text=text, in_view=False))
         assert {entry.sighting.name for entry in listed} == wanted, "as the table of the page finds them"
 
 

@@ -12,8 +12,8 @@ from services.monitor.history.intervals import Interval
 from services.monitor.history.state import Act, HistoryError
 from services.monitor.history.store import Store
 from tests.schemas.results import alert
-from tests.services.monitor.history.support.lasting import there
 from tests.services.monitor.history.support.monitoring import Monitor, attended, kept, monitoring, noted
+from tests.services.monitor.history.support.stored_intervals import there
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S
 from tests.waiting import until

@@ -10,7 +10,7 @@ from services.monitor.history.archive import Archive, HistoryQuery
 from services.monitor.history.counting import SLOTS, Counts
 from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.intervals import Interval
-from tests.services.monitor.history.support.lasting import there
+from tests.services.monitor.history.support.stored_intervals import there
 from tests.services.monitor.history.test_store import interval, opened
 from tests.services.monitor.inventory.seeing import S
 
@@ -54,7 +54,7 @@ async def test_cameras_add_up_and_what_goes_on_is_there_until_the_end(url: str, 
     assert found.known == set(range(SLOTS))
 
 
-async def test_it_is_not_known_what_was_in_view_while_no_camera_was_spoken_for(url: str, either_way: str) -> None:
+async def test_it_is_not_known_what_was_in_view_while_no_camera_was_available(url: str, either_way: str) -> None:
     found = await counts(
         url,
         there(NOW_S - 3_000, NOW_S - 2_000, camera="front"),
@@ -120,8 +120,8 @@ async def test_one_camera_or_class_is_counted_exactly_however_much_others_saw(
     others = [
         interval(NOW_S - ago, NOW_S - ago + 1, key=CameraKey(f"r{2 + ago % 9}", "rear")) for ago in range(1, 3_600, 9)
     ]
-    spoken = [there(NOW_S - ago, NOW_S - ago + 20, f"r{2 + ago % 9}", "rear") for ago in range(1, 3_600, 9)]
-    some = (*short, began, goes_on, *before, *others, *spoken, there(NOW_S - 9_000, NOW_S, "r1", "front"))
+    available = [there(NOW_S - ago, NOW_S - ago + 20, f"r{2 + ago % 9}", "rear") for ago in range(1, 3_600, 9)]
+    some = (*short, began, goes_on, *before, *others, *available, there(NOW_S - 9_000, NOW_S, "r1", "front"))
     found = await counts(url, *some, asked=HistoryQuery(HOUR.since_ns, HOUR.until_ns, **of))
     wanted = {at(ago) for ago in range(60, 3_600, 60)} | {at(1)}
     if "camera" not in of:

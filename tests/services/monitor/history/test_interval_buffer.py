@@ -5,7 +5,7 @@ from services.monitor.history import interval_buffer as module
 from services.monitor.history.interval_buffer import IntervalBuffer, StoredInterval
 from services.monitor.history.intervals import Interval
 from services.monitor.history.presence import Presence
-from tests.services.monitor.history.support.lasting import disagreement, there
+from tests.services.monitor.history.support.stored_intervals import disagreement, there
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.inventory.seeing import FRONT, S
 

@@ -11,7 +11,7 @@ from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.liveness import SETTLE_NS
 from services.monitor.map.last_seen import SightingMap
 from services.monitor.map.pose import Pose
-from tests.services.monitor.history.support.lasting import there
+from tests.services.monitor.history.support.stored_intervals import there
 from tests.services.monitor.inventory.seeing import FRONT, S, seen
 
 STALE_S = TrustLimits().stale_ns // S
@@ -59,7 +59,7 @@ def test_a_robot_that_was_gone_between_two_looks_costs_no_row() -> None:
     assert fleet.noted(2) == []
 
 
-def test_a_camera_is_there_as_long_as_it_is_spoken_for() -> None:
+def test_a_camera_is_there_as_long_as_it_is_available() -> None:
     fleet = Fleet()
     fleet.inventory.robot_presence("r1", alive=True)
     fleet.inventory.camera_presence(FRONT, alive=True)

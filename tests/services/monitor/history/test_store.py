@@ -34,8 +34,8 @@ from services.monitor.history.tables import (
 )
 from services.monitor.map.pose import Pose
 from tests.schemas.results import alert
-from tests.services.monitor.history.support.lasting import disagreement, there
 from tests.services.monitor.history.support.postgresql import PostgreSQL
+from tests.services.monitor.history.support.stored_intervals import disagreement, there
 from tests.services.monitor.inventory.seeing import FRONT, S
 
 

@@ -21,11 +21,11 @@ from services.monitor.history.world_history import (
 )
 from services.monitor.history.writer import HistoryWriter
 from services.monitor.inventory.inventory import Inventory
-from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.world.site_objects import SITE, World
+from services.monitor.world.site_status import FRESH_NS, Sites
 from tests.services.monitor.history.test_store import opened
-from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.world.test_site_objects import DOCK, changes, thing
+from tests.services.monitor.world.test_site_status import status
 from tests.waiting import until
 
 S = 1_000_000_000

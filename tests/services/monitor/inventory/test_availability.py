@@ -267,7 +267,7 @@ def test_a_camera_of_which_only_lists_or_history_tell_has_the_stale_time_to_come
     assert watch.silent_s(10.1 + STALE_S + NETWORK_GRACE_S) == 10.1 + STALE_S
 
 
-def test_after_a_deaf_time_a_camera_has_the_stale_time_to_be_spoken_for() -> None:
+def test_after_a_deaf_time_a_camera_has_the_stale_time_to_become_available() -> None:
     watch = Watch()
     watch.inventory.camera_presence(FRONT, alive=True)
     watch.silent_s(10, told=True)

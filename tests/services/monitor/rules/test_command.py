@@ -13,7 +13,6 @@ from bus.fake import FakeNetwork
 from schemas.alerts import Alert
 from schemas.keys import CameraKey
 from services.monitor.alerting.alerting import Alerting
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.settings import HistorySettings
 from services.monitor.history.state import HistoryError
@@ -24,9 +23,10 @@ from services.monitor.inventory.inventory import Inventory, TrustLimits
 from services.monitor.liveness import SETTLE_NS
 from services.monitor.rules.command import run
 from services.monitor.rules.loading import RuleFileError
+from services.monitor.rules.rule_file import RuleFile
 from services.monitor.settings import RulesSettings
 from tests.services.monitor.alerting.hearing import hears
-from tests.services.monitor.history.support.lasting import disagreement, there
+from tests.services.monitor.history.support.stored_intervals import disagreement, there
 from tests.services.monitor.inventory.seeing import S, seen
 from tests.services.monitor.rules.replaying import HISTORY
 from tests.waiting import until

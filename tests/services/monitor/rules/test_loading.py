@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 from schemas.alerts import Severity
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.rules.command import run
 from services.monitor.rules.loading import MAX_CHARACTERS, Classes, RuleFileError, load_rules, remarks
 from services.monitor.rules.model import NearerRule, SilentRule
+from services.monitor.rules.rule_file import RuleFile
 from services.monitor.settings import RulesSettings
 from tests.services.monitor.rules.ruling import book
 

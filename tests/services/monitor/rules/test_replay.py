@@ -10,8 +10,8 @@ from services.monitor.history.interval_buffer import StoredInterval
 from services.monitor.history.intervals import Interval
 from services.monitor.rules.model import RuleBook
 from services.monitor.rules.replay import caveats, replay
-from services.monitor.rules.timeline import FOREVER_NS, NEVER, Timeline, spoken_for
-from tests.services.monitor.history.support.lasting import disagreement, there
+from services.monitor.rules.timeline import FOREVER_NS, NEVER, Timeline, available_periods
+from tests.services.monitor.history.support.stored_intervals import disagreement, there
 from tests.services.monitor.history.test_store import interval
 from tests.services.monitor.inventory.seeing import FRONT, S
 from tests.services.monitor.rules.replaying import count, past_of, tried
@@ -199,10 +199,10 @@ def test_what_went_while_its_camera_was_lost_is_over_once_the_camera_is_back() -
 def test_alerts_go_on_over_a_restart() -> None:
     many = {"when": "over", "class": "box", "count": 1}
     runs = [there(1, 50, ""), there(60, 99, "", is_open=True)]
-    spoken = there(2, 99, camera="front", is_open=True)
-    assert tried(many, count(2, 99, 2, open=True), spoken, *runs) == [(4, "raised")]
-    assert tried(many, count(2, 40, 2), spoken, *runs) == [(4, "raised"), (40, "resolved")]
-    assert tried(many, count(2, 55, 2), spoken, *runs) == [(4, "raised"), (63, "resolved")]
+    available = there(2, 99, camera="front", is_open=True)
+    assert tried(many, count(2, 99, 2, open=True), available, *runs) == [(4, "raised")]
+    assert tried(many, count(2, 40, 2), available, *runs) == [(4, "raised"), (40, "resolved")]
+    assert tried(many, count(2, 55, 2), available, *runs) == [(4, "raised"), (63, "resolved")]
 
 
 HOUR = 3_600
@@ -233,11 +233,11 @@ def test_what_still_holds_when_the_hours_begin_is_raised_then(
 
 def test_what_nobody_acknowledges_escalates_in_time() -> None:
     many = {"when": "over", "class": "box", "count": 1, "escalate_after_s": 25}
-    spoken = there(2, 300, camera="front", is_open=True)
+    available = there(2, 300, camera="front", is_open=True)
     runs = [there(1, 50, ""), there(200, 300, "", is_open=True)]
-    assert tried(many, count(2, 300, 2, open=True), spoken, *runs) == [(4, "raised"), (29, "escalated")]
+    assert tried(many, count(2, 300, 2, open=True), available, *runs) == [(4, "raised"), (29, "escalated")]
     many["escalate_after_s"] = 100
-    assert tried(many, count(2, 300, 2, open=True), spoken, *runs) == [(4, "raised"), (200, "escalated")]
+    assert tried(many, count(2, 300, 2, open=True), available, *runs) == [(4, "raised"), (200, "escalated")]
 
 
 def test_what_cannot_be_tried_is_said() -> None:
@@ -303,7 +303,7 @@ TWICE = [
 def test_what_was_in_view_until_the_end_is_lost_when_the_camera_is_thought_silent(
     until_s: int, lost_s: int | None
 ) -> None:
-    lost_ns = spoken_for(TWICE)[FRONT].lost_ns(interval(5, until_s))
+    lost_ns = available_periods(TWICE)[FRONT].lost_ns(interval(5, until_s))
     assert lost_ns == (None if lost_s is None else lost_s * S)
 
 
@@ -311,9 +311,9 @@ def test_what_was_in_view_until_the_end_is_lost_when_the_camera_is_thought_silen
     ("since_s", "first"), [(9, False), (15, False), (99, True), (100, True), (101, False), (219, False), (250, False)]
 )
 def test_what_was_there_when_a_lost_camera_spoke_again_did_not_come(since_s: int, *, first: bool) -> None:
-    assert spoken_for(TWICE)[FRONT].was_there_first(interval(since_s, 999)) == first
+    assert available_periods(TWICE)[FRONT].was_there_first(interval(since_s, 999)) == first
 
 
 def test_of_a_camera_that_nobody_ever_spoke_for_nothing_is_known() -> None:
-    assert set(spoken_for(TWICE)) == {FRONT}
+    assert set(available_periods(TWICE)) == {FRONT}
     assert (NEVER.lost_ns(interval(1, 2)), NEVER.was_there_first(interval(1, 2))) == (None, False)

@@ -1,7 +1,7 @@
 """A rule that is tried on the history knows when a monitor ran."""
 
 from services.monitor.rules.timeline import FOREVER_NS, Run, Timeline
-from tests.services.monitor.history.support.lasting import there
+from tests.services.monitor.history.support.stored_intervals import there
 from tests.services.monitor.inventory.seeing import S
 from tests.services.monitor.rules.replaying import HISTORY, tried
 

@@ -13,13 +13,13 @@ from nicegui import app as nicegui_app
 
 from bus import Bus
 from services.monitor.alerting.alerting import Alerting
-from services.monitor.alerting.rule_file import RuleFile
 from services.monitor.fleet import Fleet
 from services.monitor.health import Health
 from services.monitor.history.archive import Archive
 from services.monitor.history.writer import HistoryWriter
 from services.monitor.map.floor_plan import FloorPlan
 from services.monitor.monitor import Monitor
+from services.monitor.rules.rule_file import RuleFile
 from services.monitor.settings import MonitorSettings
 from services.monitor.web.application import cookie_of
 from services.monitor.web.auth.logins import Access

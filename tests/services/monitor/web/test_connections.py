@@ -13,9 +13,8 @@ from uvicorn.server import ServerState
 
 from services.monitor.settings import WebSettings
 from services.monitor.web.connections import HANDSHAKE_S, KNOWN, TURNED_AWAY, Acceptor
-from services.monitor.web.process import open_listener
+from services.monitor.web.process import PageTls, open_listener
 from services.monitor.web.server import HEAD_S, MAX_HEAD_BYTES, BoundedProtocol
-from services.monitor.web.tls import PageTls
 from tests.bus.certificates import certificate, make_certificates
 
 ASKED = b"GET / HTTP/1.1\r\nHost: here\r\n\r\n"

@@ -19,12 +19,12 @@ from services.monitor.liveness import STALLED_S
 from services.monitor.web.metrics import MAX_LABELLED, metrics_of
 from services.monitor.world.site_objects import World
 from tests.contract.conftest import free_endpoint
-from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.asking import Web, web_in
 from tests.services.monitor.web.pages.rows.test_warehouses import report_of
 from tests.services.monitor.web.serving import monitor_on
 from tests.services.monitor.world.test_site_objects import DOCK, thing
+from tests.services.monitor.world.test_site_status import status as site_status
 from tests.waiting import until
 
 

@@ -13,7 +13,7 @@ from nicegui import app as nicegui_app
 from bus import BusError
 from bus.fake import FakeNetwork
 from services.monitor.settings import MonitorSettings
-from services.monitor.web import tls
+from services.monitor.web import process
 from services.monitor.web.application import cookie_of
 from services.monitor.web.process import Web
 from tests.bus.certificates import certificate, make_certificates
@@ -76,8 +76,8 @@ async def test_browsers_come_by_https_alone(tmp_path: Path) -> None:
 async def test_a_renewed_certificate_is_taken_and_a_damaged_one_is_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(tls, "LOOKED_AT_S", 0.05)
-    caplog.set_level("INFO", "services.monitor.web.tls")
+    monkeypatch.setattr(process, "LOOKED_AT_S", 0.05)
+    caplog.set_level("INFO", "services.monitor.web.process")
     async with served(tmp_path) as web, asyncio.timeout(60):
         url = httpx.URL(web.url)
         before = await asyncio.to_thread(certificate_at, url)

@@ -7,18 +7,18 @@ import pytest
 
 from schemas.world import LONG_AGO, ChangeKind, RobotOffset, WorldObject
 from services.monitor.map.pose import Pose
-from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.rules.engine import RuleEngine
 from services.monitor.rules.model import RuleBook, WorldRule
 from services.monitor.world.conditions import MAX_IDS, MOST_ALERTS, WorldConditions, remarks_on_zones
 from services.monitor.world.floor import floor_of
 from services.monitor.world.site_objects import MAX_TRANSITIONS, World
+from services.monitor.world.site_status import FRESH_NS, Sites
 from services.monitor.world.zones import Zone
 from tests.schemas.results import alert
-from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.rules.ruling import book
 from tests.services.monitor.world.test_floor import looks
 from tests.services.monitor.world.test_site_objects import DOCK, RACK, change, changes, thing
+from tests.services.monitor.world.test_site_status import status
 
 S = 1_000_000_000
 Holds = Callable[[float], list[str]]

@@ -14,14 +14,14 @@ from bus.fake import FakeNetwork
 from schemas import codec, worker_keys
 from schemas.worker_keys import WorldStream
 from schemas.world import ChangeKind, FloorLooks, WorldAnswer, WorldChanges, WorldObject, WorldRequest
-from services.monitor.map.sites import Sites
 from services.monitor.world import following
 from services.monitor.world.following import ask_for_object, follow_world
 from services.monitor.world.site_objects import SITE, World
+from services.monitor.world.site_status import Sites
 from services.worldmodel.published_objects import inside
-from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.world.test_floor import looks
 from tests.services.monitor.world.test_site_objects import DOCK, change, changes, thing
+from tests.services.monitor.world.test_site_status import status
 from tests.waiting import until
 
 KEY = worker_keys.world_key("hall", WorldStream.CHANGES)

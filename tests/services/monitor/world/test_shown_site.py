@@ -1,10 +1,10 @@
 import msgspec
 
-from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.world.shown_site import KEPT_NS, OFF, shown_site, site_names
 from services.monitor.world.site_objects import World
-from tests.services.monitor.map.test_sites import status
+from services.monitor.world.site_status import FRESH_NS, Sites
 from tests.services.monitor.world.test_site_objects import DOCK, thing
+from tests.services.monitor.world.test_site_status import status
 
 JOIN = "tcp/here:7447"
 NOW = 10**18

@@ -7,10 +7,10 @@ import pytest
 from schemas.space import Vector
 from schemas.world import ChangeKind, WorldChange, WorldChanges, WorldObject
 from services.monitor.fleet import Fleet
-from services.monitor.map.sites import FRESH_NS, Sites
 from services.monitor.world.site_objects import LATEST, MAX_BUFFERED, MAX_FOLLOWED, SITE, SiteObjects, World
+from services.monitor.world.site_status import FRESH_NS, Sites
 from services.monitor.world.zones import Zone
-from tests.services.monitor.map.test_sites import status
+from tests.services.monitor.world.test_site_status import status
 
 DOCK = Zone(name="dock", site="hall", corners=((0, 0), (4, 0), (4, 4), (0, 4)))
 RACK = Zone(name="rack", site="hall", corners=((3, 0), (8, 0), (8, 4), (3, 4)))

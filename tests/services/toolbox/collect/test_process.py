@@ -17,7 +17,7 @@ from schemas.detections import Box, ClassList, Detection, Detections, class_list
 from schemas.keys import CameraKey, Stream
 from schemas.models import SavedPicture
 from schemas.worker_keys import WorkerAlive
-from services.monitor.requests import SaveImageError, save_picture
+from services.monitor.requests.picture_requests import SavePictureError, save_picture
 from services.toolbox.collect.process import run
 from services.toolbox.collect.settings import CollectSettings
 from tests.fleetsight.stand_in import FOUND, FRONT, stand_in
@@ -134,7 +134,7 @@ async def saved_when_asked(bus: Bus, camera: CameraKey = FRONT) -> SavedPicture 
     while True:
         try:
             return await save_picture(bus, camera, "ann")
-        except SaveImageError as error:
+        except SavePictureError as error:
             if not any(each in str(error) for each in ("nobody collects", "not online")) or camera != FRONT:
                 return str(error)
 
@@ -153,7 +153,7 @@ async def test_pictures_that_somebody_asks_for_are_saved_however_alike(tmp_path:
 async def test_who_asks_is_told_why_nothing_was_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("services.toolbox.collect.process.ANSWER_S", 0.5)
     async with stand_in(worker=False) as fleet, asyncio.timeout(60):
-        with pytest.raises(SaveImageError, match="nobody collects pictures: run fleetsight collect FOLDER --asked"):
+        with pytest.raises(SavePictureError, match="nobody collects pictures: run fleetsight collect FOLDER --asked"):
             await save_picture(fleet.bus, FRONT, "ann")
         async with collecting(settings(fleet.endpoint, tmp_path, asked=True)):
             assert "r1/front: not saved: " in str(await saved_when_asked(fleet.bus))

@@ -11,8 +11,8 @@ from services.monitor.map.drawing import STALE, colour_of, is_fresh
 from services.monitor.map.floor_plan import FLOOR_AGES_S, shades_of
 from services.monitor.map.footprints import AGES_S, DrawnObject, address_of
 from services.monitor.map.last_seen import MapObject
-from services.monitor.map.sites import totals
 from services.monitor.web.pages.rows.formatting import ago, plural, seen_lately
+from services.monitor.world.site_status import totals
 from services.monitor.world.zones import ZoneCount
 
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any, Final, NamedTuple
 
 from schemas.keys import CameraKey
-from services.monitor.event_loop import in_turns
+from services.monitor.event_loop.cooperative_yielding import in_turns
 from services.monitor.fleet import Row
 from services.monitor.formats import cameras_in_order, natural, natural_camera
 from services.monitor.liveness import ROBOT_SILENT_NS, RobotState, robot_state
@@ -138,7 +138,7 @@ class RobotFilter:
 class Survey:
     """All robots at one moment: counts, search, order and rows agree with each other.
 
-    now_ns: that moment, epoch. What was asked for once is kept, as many ask the same.
+    now_ns: that moment, epoch. Results are cached, as many viewers ask for the same.
     """
 
     def __init__(self, fleet_view: FleetView, summaries: Sequence[RobotSummary]) -> None:

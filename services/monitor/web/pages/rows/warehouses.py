@@ -10,10 +10,10 @@ from schemas.inventory import WarehouseReport
 from schemas.world import WorldObject
 from services.monitor.formats import natural
 from services.monitor.liveness import RobotState
-from services.monitor.map.sites import totals
 from services.monitor.warehouses.reports import KnownWarehouse
 from services.monitor.web.pages.rows.alerts import urgency
 from services.monitor.web.pages.rows.formatting import STATE, WHEN, ago, iso, plural, seen_lately
+from services.monitor.world.site_status import totals
 
 PATH: Final = "/warehouses"
 

@@ -14,8 +14,8 @@ from services.monitor.history.tables import (
     intervals,
     presence,
 )
-from tests.services.monitor.history.support.lasting import there
 from tests.services.monitor.history.support.postgresql import PostgreSQL
+from tests.services.monitor.history.support.stored_intervals import there
 from tests.services.monitor.history.test_store import every, interval, opened
 from tests.services.monitor.inventory.seeing import S
 

@@ -13,19 +13,19 @@ import websockets
 from bus.fake import FakeNetwork
 from schemas.keys import CameraKey
 from schemas.world import RobotOffset
-from services.monitor import event_loop
+from services.monitor.event_loop import cooperative_yielding
 from services.monitor.inventory.inventory import Inventory
 from services.monitor.web.api.fleet import SightingKey, SightingQuery, some_entries
 from services.monitor.web.api.live import UNLESS_CHOSEN
 from services.monitor.web.auth.users import Role
 from services.monitor.world.site_objects import World
 from tests.services.monitor.inventory.seeing import S, seen
-from tests.services.monitor.map.test_sites import status as site_status
 from tests.services.monitor.web.api.seeing import ODD, fill
 from tests.services.monitor.web.api.test_alerts import alert, raise_alert
 from tests.services.monitor.web.asking import Web
 from tests.services.monitor.web.serving import monitor_on, served
 from tests.services.monitor.world.test_site_objects import DOCK, RACK, thing
+from tests.services.monitor.world.test_site_status import status as site_status
 
 
 async def test_the_fleet_as_it_is(web: Web) -> None:
@@ -165,8 +165,8 @@ async def test_others_get_their_turn_while_a_list_is_made(web: Web, monkeypatch:
     async def pause() -> None:
         paused.append(what)
 
-    monkeypatch.setattr(event_loop, "TURN_S", 0.0)
-    monkeypatch.setattr(event_loop, "pause", pause)
+    monkeypatch.setattr(cooperative_yielding, "TURN_S", 0.0)
+    monkeypatch.setattr(cooperative_yielding, "pause", pause)
     async with await web.program() as program:
         items = (await program.get(f"/api/v1/{what}")).json()["items"]
     assert len(paused) >= len(items) > 0
@@ -256,7 +256,7 @@ async def test_only_what_is_asked_for() -> None:
 
 
 async def test_what_takes_many_turns_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(event_loop, "TURN_S", 0.0)
+    monkeypatch.setattr(cooperative_yielding, "TURN_S", 0.0)
     assert len(await places(SightingQuery(name="box"), 1_000, robots=20)) == 40
 
 

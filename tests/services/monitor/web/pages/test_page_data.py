@@ -19,9 +19,9 @@ from services.monitor.web.pages.rows.robots import RobotFilter
 from services.worldmodel.offsets import LOST, REASONS
 from tests.schemas.results import distances
 from tests.services.monitor.inventory.seeing import seen
-from tests.services.monitor.map.test_sites import status
 from tests.services.monitor.web.pages.rows.test_alerts import ALERT
 from tests.services.monitor.web.serving import monitor_on
+from tests.services.monitor.world.test_site_status import status
 from tests.waiting import until
 
 
@@ -33,7 +33,7 @@ async def test_all_who_look_at_once_share_what_they_see() -> None:
         survey = await shared.survey()
         assert await shared.survey() is survey
         assert await survey.robots(RobotFilter()) == ["r1"]
-        assert (await shared.stock()).entries == ()
+        assert (await shared.sightings()).entries == ()
 
 
 async def test_why_there_are_none_is_said() -> None:

@@ -2,7 +2,7 @@ import msgspec
 
 from schemas.world import MAX_PROBLEMS, RobotOffset, SiteStatus
 from services.monitor.formats import MAX_SHOWN
-from services.monitor.map.sites import FRESH_NS, JUMP_NS, LATELY_NS, MAX_SITES, Sites, totals
+from services.monitor.world.site_status import FRESH_NS, JUMP_NS, LATELY_NS, MAX_SITES, Sites, totals
 
 
 def status(site: str = "hall", **objects: int) -> SiteStatus:

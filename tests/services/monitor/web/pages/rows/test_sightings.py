@@ -10,7 +10,7 @@ from schemas.keys import CameraKey
 from services.monitor.inventory.inventory import Entry
 from services.monitor.inventory.sighting import Sighting
 from services.monitor.web.api.models import SightingAnswer
-from services.monitor.web.pages.rows.inventory import CSV_COLUMNS, Filters, Stock, as_csv, sighting_row
+from services.monitor.web.pages.rows.sightings import CSV_COLUMNS, Filters, SightingTable, as_csv, sighting_row
 
 S = 1_000_000_000
 SIGHTING = Sighting(
@@ -85,7 +85,7 @@ def entry(
     return Entry(sighting, available)
 
 
-STOCK = Stock([
+TABLE = SightingTable([
     entry("r10", "box", 3, nearest_m=1.5),
     entry("r2", "box", 2, available=False),
     entry("r2", "pallet", 9, nearest_m=0.5),
@@ -95,18 +95,18 @@ STOCK = Stock([
 
 
 def said(filters: Filters) -> list[str]:
-    return [f"{found.sighting.key.robot} {found.sighting.name}" for found in STOCK.wanted(filters)]
+    return [f"{found.sighting.key.robot} {found.sighting.name}" for found in TABLE.wanted(filters)]
 
 
 def test_only_what_is_in_view_and_known_now_is_counted() -> None:
-    assert STOCK.totals == {"pallet": 9, "box": 3}
-    assert list(STOCK.totals) == ["pallet", "box"]
-    assert STOCK.unknown == 1
+    assert TABLE.totals == {"pallet": 9, "box": 3}
+    assert list(TABLE.totals) == ["pallet", "box"]
+    assert TABLE.unknown == 1
 
 
 def test_it_is_known_how_many_views_are_added_up() -> None:
-    stock = Stock([entry("r1", "box", 3), entry("r2", "box", 2), entry("r3", "box", 2, available=False)])
-    assert (stock.totals, dict(stock.views)) == ({"box": 5}, {"box": 2})
+    table = SightingTable([entry("r1", "box", 3), entry("r2", "box", 2), entry("r3", "box", 2, available=False)])
+    assert (table.totals, dict(table.views)) == ({"box": 5}, {"box": 2})
 
 
 def test_what_was_in_view_before_is_shown_when_asked_for() -> None:
@@ -121,9 +121,9 @@ def test_robots_and_their_cameras_are_sorted_as_people_count() -> None:
         Entry(replace(entry(name, "box", 1).sighting, key=CameraKey(name, camera)), available=True)
         for name, camera in cameras
     ]
-    found = Stock(entries).wanted(Filters())
+    found = SightingTable(entries).wanted(Filters())
     assert [str(each.sighting.key) for each in found[:3]] == ["r1/cam9", "r1/cam10", "r2/cam9"]
-    by_camera = Stock(entries).wanted(Filters(sort="camera"))
+    by_camera = SightingTable(entries).wanted(Filters(sort="camera"))
     assert [str(each.sighting.key) for each in by_camera[:2]] == ["r1/cam9", "r2/cam9"]
 
 
@@ -139,4 +139,4 @@ def test_sightings_are_sorted_by_what_is_asked_for() -> None:
     assert said(Filters(sort="count", descending=True)) == ["r2 pallet", "r10 box"]
     assert said(Filters(sort="nearest", name="box", in_view=False)) == ["r10 box", "r2 box"]
     assert said(Filters(sort="no column")) == said(Filters())
-    assert STOCK.wanted(Filters()) is STOCK.wanted(Filters())
+    assert TABLE.wanted(Filters()) is TABLE.wanted(Filters())

@@ -6,9 +6,9 @@ from contextlib import AsyncExitStack
 
 import pytest
 
+from gateway.process import warn_of_recorders
 from gateway.ros1.node import Node
 from gateway.to_ros.outputs import STRING, cure, recorders
-from gateway.to_ros.recorders import warn_of_recorders
 from services.simulator.ros_master.master import RosMaster
 from tests.waiting import until
 
@@ -32,7 +32,7 @@ async def master() -> AsyncIterator[RosMaster]:
 async def test_who_subscribes_to_all_results_is_said_once(
     master: RosMaster, caplog: pytest.LogCaptureFixture, *, passive: bool, level: str, what: str
 ) -> None:
-    caplog.set_level("INFO", "gateway.to_ros")
+    caplog.set_level("INFO", "gateway.process")
     async with AsyncExitStack() as stack:
         enter = stack.enter_async_context
         gateway = await enter(Node("/fleetsight_gateway_r1", master_uri=master.uri, poll_interval=0.05))

@@ -1,4 +1,4 @@
-"""The inventory as a table with search, sorting and counts. Pure."""
+"""The sightings in view of cameras as a table with search, sorting and counts. Pure."""
 
 import csv
 import io
@@ -19,7 +19,7 @@ CSV_COLUMNS: Final = (
 
 
 def sighting_row(entry: Entry, now_ns: int) -> dict[str, Any]:
-    """Return a sighting as a row of the inventory's templates."""
+    """Return a sighting as a row of the templates."""
     of = entry.sighting
     return {
         "id": f"{of.key}/{of.name}",
@@ -92,7 +92,7 @@ SIGHTING_CARD: Final = f"""
 class Filters:
     """Selects sightings: `text` is in one of their names.
 
-    in_view: only what is known to be in view now; what a robot saw that is silent or gone is not.
+    in_view: only what is known to be in view now, so nothing that a silent or offline robot saw.
     """
 
     text: str = ""
@@ -114,11 +114,11 @@ SORTS: Final[Mapping[str, Callable[[Entry], Any]]] = {
 }
 
 
-class Stock:
+class SightingTable:
     """All sightings at one moment. Results are cached, as many viewers ask for the same.
 
     totals: how many objects of each class are in view where that is known now, the most first. It is a sum over the
-    views of cameras: what two of them see counts twice. views: how many cameras have each class in view.
+    views of cameras: an object that two of them see counts twice. views: how many cameras have each class in view.
     unknown: sightings that went on when their cameras fell silent, or their robots went.
     """
 

@@ -1,4 +1,4 @@
-"""The names of a site's robots and cameras: which of them there is room for, and their numbers. Pure."""
+"""Limits on the names of a site's robots and cameras, counts by name, and numbers of names. Pure."""
 
 from collections import Counter, OrderedDict
 from collections.abc import Hashable, ItemsView, Iterable, Sequence
@@ -18,8 +18,8 @@ CameraName = tuple[str, str]
 T = TypeVar("T", bound=Hashable)
 
 
-class Roster:
-    """The robots and cameras that a site takes views of: anybody can invent names, so they are bounded.
+class NameLimit:
+    """Limits the robots and cameras whose views a site takes, because anybody can invent names.
 
     cameras: those that are known from before, as if they had sent a view at `now_ns`. most_robots: of the site.
     most_cameras: of each robot.
@@ -89,7 +89,7 @@ class Roster:
         return True
 
 
-class LeftOut:
+class LeftOutCounts:
     """Counts what was left out by robot and reason.
 
     Anybody can invent names: of more than `most_robots`, the one counted longest ago is counted without its name, as
@@ -126,7 +126,7 @@ class LeftOut:
         return [*named, *((("", reason), count) for reason, count in self._nameless.items())]
 
 
-class Numbers(Generic[T]):
+class NameNumbers(Generic[T]):
     """Numbers of names from 0 on; those of forgotten names are given to others. blank: stands for no name.
 
     names: by number, `blank` for a number that is free.

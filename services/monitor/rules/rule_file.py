@@ -2,16 +2,37 @@
 
 import asyncio
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
 from services.monitor.file_version import FileVersion
-from services.monitor.rules.loading import RuleFileError, load_rules, reading, text_of
+from services.monitor.rules.loading import MAX_CHARACTERS, RuleFileError, load_rules
 from services.monitor.rules.model import RuleBook
 
 log = logging.getLogger(__name__)
 
 LOOK_S: Final = 0.5
+
+
+@contextmanager
+def _reading() -> Iterator[None]:
+    """Turn errors of reading a file into RuleFileError."""
+    try:
+        yield
+    except (OSError, UnicodeDecodeError) as error:
+        raise RuleFileError(None, getattr(error, "strerror", None) or str(error)) from error
+
+
+def text_of(path: Path) -> str:
+    """Return the text of a rule file; of one that is too long, enough for `load_rules` to refuse it.
+
+    Raises:
+        RuleFileError: it cannot be read.
+    """
+    with _reading(), path.open(encoding="utf-8") as file:
+        return file.read(MAX_CHARACTERS + 1)
 
 
 class RuleFile:
@@ -54,7 +75,7 @@ class RuleFile:
 
     def _read(self, path: Path, *, settled: bool) -> None:
         try:
-            with reading():
+            with _reading():
                 is_new = self._version.is_new(path, settled=settled)
             if not is_new:
                 return

@@ -86,7 +86,7 @@ class ZenohPublisher(MessageWriter):
         self._shared = SharedFrames() if qos in UNKEPT and shared_memory else None
 
     def end(self) -> None:
-        """See `MessageWriter.end`. What it kept is for who follows on its key."""
+        """See `MessageWriter.end`. The next publisher on its key takes over its kept messages."""
         super().end()
         if self._kept is not None:
             self._caches.ended.add(self._kept)

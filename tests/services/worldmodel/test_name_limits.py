@@ -14,10 +14,17 @@ from schemas.distances import CameraView
 from schemas.keys import NEARBY, CameraKey, Stream
 from schemas.worker_keys import WorldStream, world_key
 from schemas.world import MAX_ROBOT_CAMERAS, MAX_ROBOTS, NearbyObjects, SiteStatus, WorldRequest
-from services.worldmodel import names
+from services.worldmodel import name_limits
 from services.worldmodel.floor import Floor
 from services.worldmodel.model import UNLOCATED, SiteModel
-from services.worldmodel.names import ABSENT_NS, TOO_MANY_CAMERAS, TOO_MANY_ROBOTS, LeftOut, Numbers, Roster
+from services.worldmodel.name_limits import (
+    ABSENT_NS,
+    TOO_MANY_CAMERAS,
+    TOO_MANY_ROBOTS,
+    LeftOutCounts,
+    NameLimit,
+    NameNumbers,
+)
 from services.worldmodel.published_objects import PublishedObjects
 from services.worldmodel.settings import WorldSettings
 from services.worldmodel.site import Site, ViewReader
@@ -38,39 +45,39 @@ def view_of(robot: str, camera: str = "front") -> CameraView:
 
 
 def test_a_site_reads_views_of_so_many_robots_until_one_is_absent_for_long() -> None:
-    roster = Roster()
-    reader = ViewReader("map", roster)
+    name_limit = NameLimit()
+    reader = ViewReader("map", name_limit)
     for number in range(MAX_ROBOTS):
-        assert not roster.admit(f"r{number}", "front", NS + number)
+        assert not name_limit.admit(f"r{number}", "front", NS + number)
     assert reader.read([sample("new", at_ns=2 * NS)]) == []
     assert dict(reader.left_out.items()) == {("new", TOO_MANY_ROBOTS): 1}
     assert len(reader.read([sample("r0", at_ns=2 * NS)])) == 1
-    assert roster.take_left() == ([], [])
+    assert name_limit.take_left() == ([], [])
     assert len(reader.read([sample("new", at_ns=NS + 1 + ABSENT_NS)])) == 1
-    assert roster.take_left() == (["r1"], [("r1", "front")])
-    assert roster.take_left() == ([], [])
+    assert name_limit.take_left() == (["r1"], [("r1", "front")])
+    assert name_limit.take_left() == ([], [])
 
 
 def test_a_robot_has_so_many_cameras_and_others_have_theirs() -> None:
-    roster = Roster()
-    reader = ViewReader("map", roster)
+    name_limit = NameLimit()
+    reader = ViewReader("map", name_limit)
     assert len(reader.read([sample("r1", f"c{number}") for number in range(MAX_ROBOT_CAMERAS)])) == MAX_ROBOT_CAMERAS
     assert reader.read([sample("r1", "new")]) == []
     assert dict(reader.left_out.items()) == {("r1", TOO_MANY_CAMERAS): 1}
     assert len(reader.read([sample("r2", "new"), sample("r1", "c0", 2 * NS)])) == 2
     assert len(reader.read([sample("r1", "new", NS + ABSENT_NS)])) == 1
-    assert roster.take_left() == ([], [("r1", "c1")])
+    assert name_limit.take_left() == ([], [("r1", "c1")])
 
 
 def test_cameras_that_a_restored_model_knows_have_their_place() -> None:
-    roster = Roster([("r1", "front")], NS, most_robots=1, most_cameras=1)
-    assert roster.admit("r2", "front", 2 * NS) == TOO_MANY_ROBOTS
-    assert roster.admit("r1", "rear", 2 * NS) == TOO_MANY_CAMERAS
-    assert roster.admit("r1", "front", 2 * NS) == ""
+    name_limit = NameLimit([("r1", "front")], NS, most_robots=1, most_cameras=1)
+    assert name_limit.admit("r2", "front", 2 * NS) == TOO_MANY_ROBOTS
+    assert name_limit.admit("r1", "rear", 2 * NS) == TOO_MANY_CAMERAS
+    assert name_limit.admit("r1", "front", 2 * NS) == ""
 
 
 def test_what_was_left_out_is_counted_by_robot_of_so_many() -> None:
-    left_out = LeftOut(most_robots=2)
+    left_out = LeftOutCounts(most_robots=2)
     assert [left_out.add("r1", "late"), left_out.add("r1", "late"), left_out.add("r1", "new", 2)] == [True, False, True]
     assert left_out.add("r2", "late")
     left_out.add("r1", "late")
@@ -82,11 +89,11 @@ def test_what_was_left_out_is_counted_by_robot_of_so_many() -> None:
 
 
 def test_numbers_of_forgotten_names_are_given_again() -> None:
-    numbers = Numbers("")
+    numbers = NameNumbers("")
     assert [numbers.number(name) for name in ("a", "b", "c", "a")] == [0, 1, 2, 0]
     assert numbers.forget(["b", "nobody"]) == [1]
     assert (numbers.find("b"), numbers.names, dict(numbers.items())) == (None, ["a", "", "c"], {"a": 0, "c": 2})
-    again = Numbers("")
+    again = NameNumbers("")
     again.restore(numbers.names)
     for each in (numbers, again):
         assert [each.number(name) for name in ("d", "c", "e")] == [1, 2, 3]
@@ -142,7 +149,7 @@ async def serving(bus: Bus) -> AsyncIterator[None]:
 async def test_a_full_site_says_so_and_takes_a_new_robot_for_one_that_is_absent(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("services.worldmodel.site.Roster", lambda *known: Roster(*known, most_robots=2))
+    monkeypatch.setattr("services.worldmodel.site.NameLimit", lambda *known: NameLimit(*known, most_robots=2))
     network = FakeNetwork()
     async with (
         network.open_bus() as theirs,
@@ -169,7 +176,7 @@ async def test_a_full_site_says_so_and_takes_a_new_robot_for_one_that_is_absent(
         for robot in ("r1", "r2", "r3"):
             await send(robot)
         await until_it_says(["r1", "r2"], 1)
-        monkeypatch.setattr(names, "ABSENT_NS", 0)
+        monkeypatch.setattr(name_limits, "ABSENT_NS", 0)
         await send("r3")
         await until_it_says(["r2", "r3"], 1)
         while (await receive(nearby, NearbyObjects)).robot != "r3":

@@ -1,25 +1,20 @@
-"""Requests on the bus: inventory queries, and readings of robots' clocks."""
-
-import asyncio
-import time
+"""Inventory queries on the bus."""
 
 import msgspec
 import pytest
 
-from bus import RefusedError, Reply, Request
+from bus import RefusedError
 from bus.fake import FakeNetwork
 from schemas import codec, keys
 from schemas.alerts import Action
 from schemas.header import MAX_LABEL
 from schemas.inventory import MAX_PROBLEMS, InventoryAnswer, InventoryRequest
-from schemas.status import ClockReading, GatewayStatus
-from services.monitor import requests
 from services.monitor.fleet import Fleet
 from services.monitor.inventory.debounce import Debounce
 from services.monitor.inventory.inventory import TrustLimits
-from services.monitor.requests import answer_inventory, answer_to, measure_clocks
+from services.monitor.requests import inventory_queries
+from services.monitor.requests.inventory_queries import answer_inventory, answer_to
 from tests.services.monitor.inventory.seeing import S, seen
-from tests.waiting import until
 
 
 def fleet_of(counts: dict[str, int]) -> Fleet:
@@ -38,7 +33,7 @@ async def test_what_went_out_of_view_is_told_unless_it_is_not_wanted() -> None:
 
 
 async def test_an_answer_that_is_cut_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(requests, "MAX_SIGHTINGS", 2)
+    monkeypatch.setattr(inventory_queries, "MAX_SIGHTINGS", 2)
     assert (await answer_to(InventoryRequest(), fleet_of({"a": 1, "b": 1}), (), S)).complete
     answer = await answer_to(InventoryRequest(), fleet_of({"a": 1, "b": 1, "c": 1}), (), S)
     assert ([each.name for each in answer.sightings], answer.complete) == (["a", "b"], False)
@@ -74,50 +69,3 @@ async def test_programs_ask_over_the_bus() -> None:
             await theirs.request(keys.INVENTORY, misspelt, encoding=codec.encoding(InventoryRequest), timeout_s=5)
         with pytest.raises(RefusedError, match="InventoryRequest"):
             await theirs.request(keys.INVENTORY, b"?", encoding=codec.encoding(Action), timeout_s=5)
-
-
-AHEAD_NS = 3_600_000_000_000
-
-
-def reading(robot: str) -> ClockReading:
-    theirs_ns = time.time_ns() + AHEAD_NS
-    return ClockReading(robot=robot, boot_id="b", clock_id="theirs", received_ns=theirs_ns, sent_ns=theirs_ns)
-
-
-def fleet_with_clocks(*robots: str) -> Fleet:
-    fleet = Fleet("ours")
-    for robot in robots:
-        fleet.robot_presence(robot, alive=True)
-        fleet.gateway_status(GatewayStatus(robot=robot, boot_id="b", clock_id="theirs", sent_ns=0), 0)
-    return fleet
-
-
-async def test_clocks_of_robots_are_measured_and_one_that_does_not_tell_harms_no_other() -> None:
-    fleet = fleet_with_clocks("babbles", "good", "missing", "refuses")
-
-    async def good(_: Request) -> Reply:
-        return Reply(codec.encode(reading("good")), codec.encoding(ClockReading))
-
-    async def babble(_: Request) -> Reply:
-        return Reply(b"tick")
-
-    async def refuse(_: Request) -> Reply:
-        raise RefusedError("no")
-
-    async with (
-        FakeNetwork().open_bus() as bus,
-        bus.serve(keys.robot_clock("good"), good),
-        bus.serve(keys.robot_clock("babbles"), babble),
-        bus.serve(keys.robot_clock("refuses"), refuse),
-    ):
-        measuring = asyncio.create_task(measure_clocks(bus, fleet))
-        await until(lambda: fleet.clocks.theirs_ns("good", "theirs", time.time_ns()) is not None)
-        now_ns = time.time_ns()
-        theirs_ns = fleet.clocks.theirs_ns("good", "theirs", now_ns)
-        assert theirs_ns is not None
-        assert theirs_ns - now_ns == pytest.approx(AHEAD_NS, abs=100_000_000)
-        for robot in ("babbles", "missing", "refuses"):
-            assert fleet.clocks.theirs_ns(robot, "theirs", now_ns) is None
-        assert not measuring.done()
-        measuring.cancel()
-        await asyncio.wait([measuring])

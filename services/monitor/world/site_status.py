@@ -1,4 +1,4 @@
-"""The sites that world models keep, by their own word. Pure: time is an argument."""
+"""The sites of the fleet as their world models report them: totals, problems, and which are current. Pure."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -58,7 +58,7 @@ far away, or a newer view came.
 
 @dataclass(frozen=True, slots=True)
 class KnownSite:
-    """What a site's world model said last, and when it came.
+    """The newest status of a site's world model, and when it came.
 
     growing: when more was left out last, by reason; of those reasons of which that happened since they were heard of.
     jumped: since when robots are doubted as their poses have jumped, by name.

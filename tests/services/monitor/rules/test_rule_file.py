@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from services.monitor.alerting import rule_file as module
-from services.monitor.alerting.rule_file import RuleFile
+from services.monitor.rules import rule_file as module
 from services.monitor.rules.loading import RuleFileError
+from services.monitor.rules.rule_file import RuleFile
 from tests.waiting import until
 
 ONE = "rules: [{name: a, when: silent}]\n"

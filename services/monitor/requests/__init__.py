@@ -1,0 +1,1 @@
+"""Requests on the bus that the monitor answers, and those that it makes."""
