@@ -12,7 +12,7 @@ from services.detector.runtime.refinement.refiner import Refiner
 Runtime = Literal["torch", "onnx", "openvino", "openvino-int8", "tensorrt"]
 
 BATCH_ON_GPU: Final = 8
-"""Images of different cameras that one call computes together where that costs little more than one."""
+"""Images of different cameras that one call computes together at most, where many cost little more than one."""
 
 
 class OutOfMemoryError(Exception):

@@ -15,9 +15,9 @@ from schemas.printing import printable
 from schemas.tuning import Tuning
 from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
-from services.detector.runtime.choosing import INT8
+from services.detector.runtime.choosing import INT8, batch_size
 from services.detector.runtime.criteria import Criteria, listed, renamed
-from services.detector.runtime.engine import BATCH_ON_GPU, RunningModel
+from services.detector.runtime.engine import RunningModel
 from services.detector.runtime.exported_loading import running_export
 from services.detector.runtime.exported_model import ExportedModel, read_exported
 from services.detector.runtime.model_file import ModelFile, is_exported
@@ -31,6 +31,9 @@ from services.detector.tracking.tracks import Tracking
 
 UNMEASURED: Final = {False: "torch", True: "onnx"}
 """Runtimes of weights and of exported models that work wherever such a model does."""
+
+LONGEST_CALL_S: Final = 0.08
+"""For a batch: frames that wait longer are too old when their turn comes, unless `--max-age-s` says otherwise."""
 
 log = logging.getLogger(__name__)
 
@@ -210,6 +213,7 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
     try:
         blank = np.zeros((1, *facts.letterbox(480, 640).shape, 3), np.uint8)
         running = _running(file, settings, longest, folder, blank, refine=refiner is None)
+        most_s = settings.max_age_s or LONGEST_CALL_S
         return Pipeline(
             replace(facts, runtime=running.runtime),
             running.engine,
@@ -217,7 +221,7 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
             blank=blank,
             reference=running.reference,
             refiner=refiner or running.refiner,
-            max_batch=BATCH_ON_GPU if running.many else 1,
+            max_batch=batch_size(running.engine, blank, most_s) if running.many else 1,
             in_flight=3 if running.many else 2,
         )
     except ModelError:

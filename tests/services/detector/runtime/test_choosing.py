@@ -18,11 +18,12 @@ from services.detector.runtime.choosing import (
     MOST_ROUNDS,
     REPEATS,
     RuntimeTarget,
+    batch_size,
     choose,
     for_weights,
     measure,
 )
-from services.detector.runtime.engine import Engine, Runtime
+from services.detector.runtime.engine import Engine, OutOfMemoryError, Runtime
 from services.detector.runtime.postprocess import Output
 
 BLANK = np.zeros((1, 32, 32, 3), np.uint8)
@@ -223,6 +224,40 @@ def test_what_was_measured_on_a_busy_machine_is_not_kept_for_a_week(
     again = engines(machine, openvino=(0.08,), onnx=(0.3,))
     assert chosen(tmp_path, again, machine) == "openvino"
     assert sum(each.calls > 0 for each in again.values()) == (measured if measured > 1 else 0)
+
+
+class Batches:
+    """Takes some time for each call, and for each image in it; of more than `most` it has no memory."""
+
+    def __init__(self, machine: Machine, call_s: float, image_s: float, most: int) -> None:
+        self._machine = machine
+        self._call_s, self._image_s, self._most = call_s, image_s, most
+
+    def run(self, images: NDArray[np.uint8]) -> list[Output]:
+        """See `Engine.run`."""
+        if len(images) > self._most:
+            raise OutOfMemoryError
+        self._machine.now_s += self._call_s + len(images) * self._image_s
+        return [Output(np.zeros((6, 0), np.float32), None) for _ in images]
+
+
+@pytest.mark.parametrize(
+    ("takes", "size", "told"),
+    [
+        ((0.004, 0.001, 99), 8, "batches of 8: 1.5 ms an image, 5.0 ms one by one"),
+        ((0.002, 0.005, 99), 2, "batches of 2: 6.0 ms an image, 7.0 ms one by one"),
+        ((0.001, 0.020, 99), 1, "batches of 1: 21.0 ms an image, 21.0 ms one by one"),
+        ((0.004, 0.001, 5), 4, "batches of 4: 2.0 ms an image, 5.0 ms one by one"),
+        ((0.030, 0.010, 99), 4, "batches of 4: 17.5 ms an image, 40.0 ms one by one"),
+    ],
+)
+def test_batches_are_as_large_as_pays_fits_into_memory_and_leaves_frames_new(
+    takes: tuple[float, float, int], size: int, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    machine = Machine()
+    with caplog.at_level(logging.INFO):
+        assert batch_size(Batches(machine, *takes), BLANK, 0.08, machine.clock) == size
+    assert caplog.messages == [told]
 
 
 @pytest.mark.parametrize(("int8_s", "chosen"), [(0.0095, "openvino"), (0.0088, "openvino-int8"), (0.02, "openvino")])
