@@ -1,4 +1,5 @@
 import logging
+import threading
 from pathlib import Path
 
 import pytest
@@ -66,6 +67,28 @@ def test_a_refiner_that_does_not_work_under_a_runtime_works_under_torch(
     model = load(settings(model_folder, runtime="onnx"), model_folder / "ultralytics")
     assert caplog.messages == ["masks are refined under torch: onnx cannot: no such operator"]
     assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
+
+
+def test_torch_computes_on_one_thread_whoever_asks(model_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its helper threads sleep at every barrier as soon as two threads of a process have computed."""
+    import torch  # noqa: PLC0415 - as above
+
+    threads: set[str] = set()
+    convolve = torch.nn.functional.conv2d
+
+    def noted(*given: object, **options: object) -> object:
+        threads.add(threading.current_thread().name)
+        return convolve(*given, **options)
+
+    monkeypatch.setattr(torch.nn.functional, "conv2d", noted)
+    monkeypatch.setattr("services.detector.runtime.torch_loading.not_installed", lambda _: ["onnx"])
+    models = [load(settings(model_folder, runtime="torch"), model_folder / "ultralytics") for _ in range(2)]
+    asking = [threading.Thread(target=objects_in, args=(model,)) for model in models]
+    for each in asking:
+        each.start()
+    for each in asking:
+        each.join()
+    assert threads == {"torch_0"}
 
 
 def test_on_a_gpu_masks_are_refined_there(monkeypatch: pytest.MonkeyPatch) -> None:
