@@ -1,6 +1,7 @@
 import logging
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pycocotools import mask as coco
@@ -76,7 +77,7 @@ def test_torch_computes_on_one_thread_whoever_asks(model_folder: Path, monkeypat
     threads: set[str] = set()
     convolve = torch.nn.functional.conv2d
 
-    def noted(*given: object, **options: object) -> object:
+    def noted(*given: Any, **options: Any) -> Any:
         threads.add(threading.current_thread().name)
         return convolve(*given, **options)
 
