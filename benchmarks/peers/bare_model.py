@@ -3,7 +3,7 @@
 Each time it is asked it predicts for so many seconds and says how many images it did a second, and under which runtime:
 `auto` is the detector's own choice without INT8, out of its cache. It computes with a detector's threads: Ultralytics
 has no setting for those of an exported model, so the model that it compiled is replaced by one compiled with the
-detector's settings.
+detector's settings. All of it is on one thread, as in a program of its own: see `on_torch_thread`.
 """
 
 import shutil
@@ -73,9 +73,12 @@ if __name__ == "__main__":
             "device": "cpu",
             "verbose": False,
         }
-        model = bare(detectors.facts.runtime, options, settings.inference_threads, Path(made))
+        from services.detector.runtime.torch_engine import on_torch_thread  # after what keeps torch offline
+
+        model = on_torch_thread(bare)(detectors.facts.runtime, options, settings.inference_threads, Path(made))
         images = views()
 
+        @on_torch_thread
         def measure() -> dict[str, object]:
             """Predict for a while."""
             began, done = time.monotonic(), 0
