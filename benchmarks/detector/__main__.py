@@ -8,9 +8,10 @@
 
 each under the runtime that `--runtime auto --no-int8` chooses for the shipped model (worker_fps and bare_fps) and under
 torch (torch_fps and bare_torch_fps), and the worker under what `--runtime auto` chooses (auto_fps and auto_runtime),
-which may be INT8; on the processor, at the model's own input size. The five are measured in turn, the repeats too;
-figures are medians. The cameras' own work is on the same cores, which the bare loop has for itself. Runtimes are
-exported and chosen anew for each run.
+which may be INT8; on the processor unless `--device` names a GPU, at the model's own input size. The five are measured
+in turn, the repeats too; figures are medians. The cameras' own work is on the same cores, which the bare loop has for
+itself. Runtimes are exported and chosen anew for each run. `cameras_at_5_hz` is how many cameras with five images a
+second each a worker under what `auto` chooses has time for.
 
 overhead is from just before a frame is put on the bus (a gateway would have received it then) to its class list at a
 subscriber, less the model's call, at 5 Hz. That call is what the runtime computes alone: pre- and post-processing are
@@ -63,20 +64,22 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=2000, help="frames for the worker's memory (default: 2000)")
     parser.add_argument("--calls", type=int, default=200, help="frames for the overhead (default: 200)")
     parser.add_argument("--repeats", type=int, default=3, help="how often each is measured (default: 3)")
+    parser.add_argument("--device", default="cpu", help="of workers and bare loops: cpu, cuda:0, ... (default: cpu)")
     arguments = parser.parse_args()
-    plan = Plan(arguments.seconds, arguments.repeats, arguments.frames, arguments.calls)
+    plan = Plan(arguments.seconds, arguments.repeats, arguments.frames, arguments.calls, arguments.device)
     found = asyncio.run(measure(plan))
     show(found, as_json=arguments.json)
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How long to measure: seconds and repeats of each speed, frames for memory, calls for the overhead."""
+    """How long to measure, and where: seconds and repeats of each speed, frames for memory, calls for the overhead."""
 
     seconds: float
     repeats: int
     frames: int
     calls: int
+    device: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,10 +100,12 @@ async def measure(plan: Plan) -> dict[str, Any]:
     with ExitStack() as stack:
         cache = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="fleetsight-")))
         async with AsyncExitStack() as buses:
-            workers = {name: await _worker(options, cache, pictures, stack, buses) for name, options in WORKERS.items()}
-            bares = {
-                name: stack.enter_context(running(_bare(each, cache, plan.seconds))) for name, each in BARE.items()
+            device = ("--device", plan.device)
+            workers = {
+                name: await _worker([*options, *device], cache, pictures, stack, buses)
+                for name, options in WORKERS.items()
             }
+            bares = {name: stack.enter_context(running(_bare(each, cache, plan))) for name, each in BARE.items()}
             found = await _speeds(workers, bares, pictures, plan)
             found |= await _alone(workers["auto_fps"], pictures, plan)
     about = {"machine": machine(), "versions": versions(PACKAGES), "seeds": list(SCENES)}
@@ -114,7 +119,7 @@ async def _worker(
     note(f"worker, {' '.join(chosen)}")
     endpoint = f"tcp/127.0.0.1:{free_ports(1)}"
     bus = await buses.enter_async_context(open_bus(BusSettings(mode="router", listen=[endpoint])))
-    options = ["--connect", endpoint, *chosen, "--device", "cpu", "--cache", str(cache)]
+    options = ["--connect", endpoint, *chosen, "--cache", str(cache)]
     process = stack.enter_context(running([sys.executable, "-m", "services.toolbox", "detector", *options]))
     try:
         await frames(bus, pictures, frames=WARM_UP_FRAMES)
@@ -123,8 +128,8 @@ async def _worker(
     return Worker(bus, process)
 
 
-def _bare(runtime: str, cache: Path, seconds: float) -> list[str]:
-    return module("bare_model", runtime, str(cache), str(seconds))
+def _bare(runtime: str, cache: Path, plan: Plan) -> list[str]:
+    return module("bare_model", runtime, str(cache), str(plan.seconds), plan.device)
 
 
 async def _speeds(
@@ -141,9 +146,11 @@ async def _speeds(
             speeds[name].append(await frames(worker.bus, pictures, seconds=plan.seconds))
         for name, bare in bares.items():
             speeds[name].append(float((await asyncio.to_thread(bare.ask))["fps"]))
-    chosen = told["bare_fps"]
+    chosen, found = told["bare_fps"], medians(speeds)
     return {
-        **medians(speeds),
+        **found,
+        "cameras_at_5_hz": int(found["auto_fps"] / HZ),
+        "device": plan.device,
         "runtime": chosen["runtime"],
         "auto_runtime": await _runtime_of(workers["auto_fps"].bus),
         "side": chosen["side"],

@@ -1,9 +1,9 @@
-"""Ultralytics' own prediction in a loop over images in memory. Arguments: runtime, cache, seconds.
+"""Ultralytics' own prediction in a loop over images in memory. Arguments: runtime, cache, seconds, device.
 
 Each time it is asked it predicts for so many seconds and says how many images it did a second, and under which runtime:
 `auto` is the detector's own choice without INT8, out of its cache. It computes with a detector's threads: Ultralytics
 has no setting for those of an exported model, so the model that it compiled is replaced by one compiled with the
-detector's settings. All of it is on one thread, as in a program of its own: see `on_torch_thread`.
+detector's settings.
 """
 
 import shutil
@@ -31,7 +31,7 @@ def bare(runtime: str, options: dict[str, Any], threads: int, folder: Path) -> A
     weights = shutil.copy(SHIPPED_MODEL, folder)
     if runtime in EXPORTED:
         weights = YOLO(weights).export(
-            format=runtime, dynamic=True, imgsz=options["imgsz"], device="cpu", verbose=False
+            format=runtime, dynamic=True, imgsz=options["imgsz"], device=options["device"], verbose=False
         )
     model: Any = YOLO(weights, task="segment")
     model.predict(views()[0], **options)
@@ -59,7 +59,7 @@ if __name__ == "__main__":
     seconds = float(sys.argv[3])
     with tempfile.TemporaryDirectory() as made:
         settings = DetectorSettings.model_validate(
-            {"runtime": sys.argv[1], "int8": False, "device": "cpu", "cache": sys.argv[2]}
+            {"runtime": sys.argv[1], "int8": False, "device": sys.argv[4], "cache": sys.argv[2]}
         )
         detectors = load(settings, Path(made))
         detectors.close()
@@ -70,15 +70,12 @@ if __name__ == "__main__":
             "iou": settings.iou,
             "max_det": settings.max_detections,
             "retina_masks": True,
-            "device": "cpu",
+            "device": settings.device,
             "verbose": False,
         }
-        from services.detector.runtime.torch_engine import on_torch_thread  # after what keeps torch offline
-
-        model = on_torch_thread(bare)(detectors.facts.runtime, options, settings.inference_threads, Path(made))
+        model = bare(detectors.facts.runtime, options, settings.inference_threads, Path(made))
         images = views()
 
-        @on_torch_thread
         def measure() -> dict[str, object]:
             """Predict for a while."""
             began, done = time.monotonic(), 0

@@ -20,16 +20,11 @@ from services.detector.frame_counts import LATE, STALE, FrameCounts
 from services.detector.frame_queue import FrameQueue, QueuedFrame
 from services.detector.model import DetectedObjects, Model, Outcome, Request, end_if_hung
 from services.detector.regions import Regions
+from services.detector.settings import DEADLINE_SLACK_S, LEAST_AGE_S
 from services.detector.tracking.tracks import Tracking
 
 BATCH_WAIT_S: Final = 0.005
 """Seconds that a batch waits for more cameras' frames."""
-
-DEADLINE_SLACK_S: Final = 0.03
-"""Seconds beyond one call that a frame may wait for its turn."""
-
-LEAST_AGE_S: Final = 0.08
-"""Lower bound of the maximum age, however fast the model is: link delays vary."""
 
 NETWORK_GRACE_S: Final = 2.0
 """Excused link delay while the model keeps up: on a poor link, dropping late frames makes none arrive sooner."""

@@ -41,6 +41,13 @@ WEIGHTS_NEED: Final = ("torch", "ultralytics")
 """Packages without which weights are of no use."""
 
 
+DEADLINE_SLACK_S: Final = 0.03
+"""Seconds beyond one call that a frame may wait for its turn, without `--max-age-s`."""
+
+LEAST_AGE_S: Final = 0.08
+"""Lower bound of that maximum age, however fast the model is: link delays vary."""
+
+
 def not_installed(packages: Iterable[str]) -> list[str]:
     """Return those of some packages that are missing here. Imports none of them."""
     return [each for each in packages if find_spec(each) is None]

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from services.detector.model import ModelError, first_line
 from services.detector.runtime.engine import BATCH_ON_GPU, Engine, OutOfMemoryError, Runtime
 from services.detector.runtime.exporting import MAKING, installed
+from services.detector.settings import DEADLINE_SLACK_S, LEAST_AGE_S
 
 log = logging.getLogger(__name__)
 
@@ -168,18 +169,23 @@ def measure(
     return timings
 
 
-def batch_size(engine: Engine, blank: NDArray[np.uint8], most_s: float, clock: Clock = time.perf_counter) -> int:
+def batch_size(
+    engine: Engine, blank: NDArray[np.uint8], max_age_s: float | None, clock: Clock = time.perf_counter
+) -> int:
     """Return how many images one call is to compute: twice as many as long as that saves a tenth of an image's time.
 
-    blank: an empty image, 1 x height x width x RGB. most_s: seconds that a call may take. Sizes are powers of two up to
-    BATCH_ON_GPU.
+    blank: an empty image, 1 x height x width x RGB. max_age_s: as in the settings; no call takes longer than frames may
+    wait. Sizes are powers of two up to BATCH_ON_GPU.
     """
     best, alone = 1, _shortest(engine, blank, clock)
-    each = alone
+    each, most_s = alone, max_age_s or max(LEAST_AGE_S, alone + DEADLINE_SLACK_S)
     while (size := 2 * best) <= BATCH_ON_GPU:
         try:
             took = _shortest(engine, np.repeat(blank, size, axis=0), clock)
         except OutOfMemoryError:
+            break
+        except Exception as error:  # noqa: BLE001 - one by one it works
+            log.warning("batches of %d do not work here: %s", size, first_line(error))
             break
         if took > most_s or took / size > each * (1 - LEAST_SAVED):
             break
@@ -211,8 +217,9 @@ def _fastest(timings: Mapping[Runtime, Timing]) -> Runtime:
 def _told(best: Runtime, timings: Mapping[Runtime, Timing], *, busy: bool) -> str:
     others = [each.shortest for name, each in timings.items() if name != best]
     longer = min(others) / timings[best].shortest - 1
-    if longer < 0:
-        by = f"but for {INT8}, which saves {-longer:.0%}: less than the {LEAST_GAIN:.0%} from which on it is taken"
+    saved = 1 - timings[INT8].shortest / timings[best].shortest if INT8 in timings else 0.0
+    if saved > EQUAL:
+        by = f"but for {INT8}, which saves {saved:.0%}: less than the {LEAST_GAIN:.0%} from which on it is taken"
     else:
         by = f"the next takes {longer:.0%} longer" if longer > EQUAL else "another is as fast"
     times = ", ".join(f"{name} {each.shortest * 1e3:.0f} ms" for name, each in timings.items())

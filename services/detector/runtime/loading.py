@@ -17,7 +17,7 @@ from services.detector.model import Model, ModelError, TuningError, first_line
 from services.detector.pairing import PairedModel
 from services.detector.runtime.choosing import INT8, batch_size
 from services.detector.runtime.criteria import Criteria, listed, renamed
-from services.detector.runtime.engine import RunningModel
+from services.detector.runtime.engine import BATCH_ON_GPU, RunningModel
 from services.detector.runtime.exported_loading import running_export
 from services.detector.runtime.exported_model import ExportedModel, read_exported
 from services.detector.runtime.model_file import ModelFile, is_exported
@@ -32,8 +32,8 @@ from services.detector.tracking.tracks import Tracking
 UNMEASURED: Final = {False: "torch", True: "onnx"}
 """Runtimes of weights and of exported models that work wherever such a model does."""
 
-LONGEST_CALL_S: Final = 0.08
-"""For a batch: frames that wait longer are too old when their turn comes, unless `--max-age-s` says otherwise."""
+OF_WEIGHTS: Final = ("torch", "tensorrt")
+"""Runtimes that run weights alone."""
 
 log = logging.getLogger(__name__)
 
@@ -47,15 +47,16 @@ def load_all(settings: DetectorSettings, folder: Path, *, as_before: str | None 
     read = _read(settings, folder, "--model")
     if settings.detection_model is None:
         _check_new_names(settings, read)
-        return _ready(read, _as_before(settings, read.file, as_before), folder)
+        return _ready(read, _as_before(settings, read.file, as_before), folder, measured=as_before is None)
     if (task := read.file.task).kind != "segment":
         raise ModelError(f"{read.what}: for {task.title}, but beside --detection-model its masks are needed")
     boxes = {"model": settings.detection_model, "refine": False}
     read_boxes = _read(settings.model_copy(update=boxes), folder, "--detection-model")
     _check_new_names(settings, read, read_boxes)
-    model = _ready(read, _as_before(settings, read.file, as_before), folder)
+    ready = partial(_ready, folder=folder, measured=as_before is None)
+    model = ready(read, _as_before(settings, read.file, as_before))
     try:
-        return PairedModel(_ready(read_boxes, _as_before(settings, read_boxes.file, as_before), folder), model)
+        return PairedModel(ready(read_boxes, _as_before(settings, read_boxes.file, as_before)), model)
     except ModelError:
         model.close()
         raise
@@ -65,8 +66,11 @@ def _as_before(settings: DetectorSettings, file: ModelFile, runtime: str | None)
     """Return the settings with which a model runs as an earlier one did; see `load_all`."""
     if runtime is None:
         return settings
+    exported = isinstance(file, ExportedModel)
     if runtime == INT8 and not (isinstance(file, ExportedModel) and file.int8 is not None):
         runtime = "openvino"
+    if exported and runtime in OF_WEIGHTS:
+        runtime = UNMEASURED[exported]
     return settings.model_copy(update={"runtime": runtime})
 
 
@@ -200,7 +204,22 @@ def _check_new_names(settings: DetectorSettings, *read: _Read) -> None:
         )
 
 
-def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refiner | None = None) -> Pipeline:
+def _max_batch(running: RunningModel, blank: NDArray[np.uint8], settings: DetectorSettings, *, measured: bool) -> int:
+    """Return how many images a call is to compute; without measuring as many as may pay."""
+    if not running.many:
+        return 1
+    return batch_size(running.engine, blank, settings.max_age_s) if measured else BATCH_ON_GPU
+
+
+def _ready(
+    read: _Read,
+    settings: DetectorSettings,
+    folder: Path,
+    refiner: Refiner | None = None,
+    *,
+    measured: bool = True,
+) -> Pipeline:
+    """Return a model that is ready to use. measured: whether nothing else runs, so that times can be measured."""
     file = read.file
     longest = settings.image_size or file.longest
     if not LEAST_SIDE <= longest <= MOST_SIDE:
@@ -213,7 +232,6 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
     try:
         blank = np.zeros((1, *facts.letterbox(480, 640).shape, 3), np.uint8)
         running = _running(file, settings, longest, folder, blank, refine=refiner is None)
-        most_s = settings.max_age_s or LONGEST_CALL_S
         return Pipeline(
             replace(facts, runtime=running.runtime),
             running.engine,
@@ -221,7 +239,7 @@ def _ready(read: _Read, settings: DetectorSettings, folder: Path, refiner: Refin
             blank=blank,
             reference=running.reference,
             refiner=refiner or running.refiner,
-            max_batch=batch_size(running.engine, blank, most_s) if running.many else 1,
+            max_batch=_max_batch(running, blank, settings, measured=measured),
             in_flight=3 if running.many else 2,
         )
     except ModelError:

@@ -117,7 +117,7 @@ class Comparison:
         self.pictures += 1
         self.seen += bool(ours)
         self.equal += {each.name for each in ours} == {each.name for each in theirs}
-        same = np.equal.outer([each.label for each in ours], [each.label for each in theirs])
+        same = np.equal.outer([each.name for each in ours], [each.name for each in theirs])
         overlaps = ious(boxes_of(ours), boxes_of(theirs)) * same
         for found, others in ((ours, overlaps), (theirs, overlaps.T)):
             both = [others[n].max(initial=0) >= SAME for n, each in enumerate(found) if each.score >= CLEAR]
@@ -148,11 +148,15 @@ class Comparison:
 
 def _mask_iou(one: Mask, other: Mask) -> float:
     """Return the IoU of two masks of one image."""
-    pixels = []
-    for each in (one, other):
-        window = decode(each)
-        whole = np.zeros(each.size, np.bool_)
-        whole[window.place] = window.pixels
-        pixels.append(whole)
-    either = np.count_nonzero(pixels[0] | pixels[1])
-    return np.count_nonzero(pixels[0] & pixels[1]) / either if either else 1.0
+    windows = decode(one), decode(other)
+    top, left = (max(getattr(each, side) for each in windows) for side in ("top", "left"))
+    bottom = min(each.top + each.pixels.shape[0] for each in windows)
+    right = min(each.left + each.pixels.shape[1] for each in windows)
+    both = 0
+    if top < bottom and left < right:
+        ours, theirs = (
+            each.pixels[top - each.top : bottom - each.top, left - each.left : right - each.left] for each in windows
+        )
+        both = int(np.count_nonzero(ours & theirs))
+    either = windows[0].area + windows[1].area - both
+    return both / either if either else 1.0

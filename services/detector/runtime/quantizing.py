@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from schemas.detections import Detection
 from schemas.image import ImageFrame
 from schemas.keys import CameraKey
+from schemas.tuning import Tuning
 from services.detector.model import Failed, ModelError, Request, first_line
 from services.detector.pixels import ImageDecodeError, to_bgr
 from services.detector.runtime.candidates import Candidates
@@ -52,7 +53,7 @@ CLASSES: Final = re.compile(r"/(one2one_)?cv3\.\d")
 THREADS: Final = 0
 """As many as there are cores."""
 
-CURE: Final = "give more pictures like those of the cameras"
+CURE: Final = "give more pictures like those of the cameras, with objects in them"
 CAMERA: Final = CameraKey(ROBOT, ROBOT)
 
 Feed = Sequence[NDArray[Any]]
@@ -70,7 +71,7 @@ class Quantizer:
 
     def __init__(self, model: ModelFile, longest: int, pictures: Sequence[Path], progress: Progress) -> None:
         self._facts = Facts(model.path.name, "onnx", model.names, model.task, longest, model.stride, model.head)
-        self._criteria = Criteria(agnostic=model.agnostic)
+        self._criteria = Criteria(agnostic=model.agnostic).tuned(Tuning(), model.names)
         self._calibrating, self._comparing = _shared_out(pictures)
         self._progress = progress
         self.compared = len(self._comparing)
@@ -97,7 +98,7 @@ class Quantizer:
         if refiner is not None:
             seen = [each for file in self._calibrating if (each := self._seen(single, file)) is not None]
             if not seen:
-                raise ModelError(f"--int8: the model finds no objects in the pictures; {CURE}")
+                raise ModelError("--int8: the model finds no objects in the pictures; give pictures that show objects")
             feeds = ((each.pixels, each.features, each.labels, each.scores) for each in seen)
             refines = _int8(refiner, feeds, FIRST_OF_REFINER)
         ours = self._model(single, None if refiner is None else OnnxRefiner(refiner, THREADS))
@@ -111,7 +112,7 @@ class Quantizer:
 
     def _compare(self, single: Pipeline, int8: Pipeline) -> None:
         """Raise ModelError if INT8 finds too much else in the pictures that did not calibrate it."""
-        compared = Comparison()
+        compared, before = Comparison(), int8.remarks
         try:
             for done, file in enumerate(self._comparing, 1):
                 frame = _frame(file)
@@ -121,6 +122,8 @@ class Quantizer:
             single.close()
             int8.close()
         self.equal = compared.equal
+        if failed := [each for each in int8.remarks if each not in before]:
+            raise ModelError(f"--int8: {failed[0]}; export without --int8")
         if (reason := compared.too_different()) is not None:
             raise ModelError(f"--int8: {reason}; {CURE}, or export without --int8")
 

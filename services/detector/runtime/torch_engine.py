@@ -1,6 +1,5 @@
 """A model under PyTorch, or an engine file under TensorRT, run on tensors by Ultralytics' AutoBackend."""
 
-import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import wraps
@@ -17,23 +16,20 @@ from services.detector.runtime.postprocess import Output
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_here = threading.local()
-_thread: Final = ThreadPoolExecutor(1, "torch", initializer=lambda: setattr(_here, "is_torch_thread", True))
 
+def on_a_thread_that_ends(function: Callable[P, T]) -> Callable[P, T]:
+    """Have a function that computes with torch run on a thread of its own, which ends with it.
 
-def on_torch_thread(function: Callable[P, T]) -> Callable[P, T]:
-    """Have a function run on the one thread of the process on which torch computes, whoever calls it.
-
-    libgomp keeps helper threads for each thread that ever computed. Once they and their owners are more than the
-    processors, all of them sleep at barriers where they spun before: a call of YOLO11n then switched threads 660 times
-    and took 1.8 times as long, on two cores.
+    libgomp keeps helper threads for each thread that ever computed, until that one ends. Once they and their owners are
+    more than the processors, all of them sleep at barriers where they spun before: a call of YOLO11n then switched
+    threads 660 times and took 1.8 times as long, on two cores. So a model is called on one thread alone, and leaves no
+    helpers on the one that loaded it.
     """
 
     @wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> T:
-        if getattr(_here, "is_torch_thread", False):
-            return function(*args, **kwargs)
-        return _thread.submit(function, *args, **kwargs).result()
+        with ThreadPoolExecutor(1, "loading") as own:
+            return own.submit(function, *args, **kwargs).result()
 
     return run
 
@@ -51,7 +47,6 @@ class TorchEngine:
         self._backend.eval()
         self._format = _memory_format(self._backend)
 
-    @on_torch_thread
     def run(self, images: NDArray[np.uint8]) -> list[Output]:
         """See `Engine.run`."""
         try:

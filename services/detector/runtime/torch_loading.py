@@ -19,7 +19,7 @@ from services.detector.runtime.postprocess import OutputError
 from services.detector.runtime.refinement.network import RefinerNetwork, onnx_of
 from services.detector.runtime.refinement.refiner import Refiner, blank_close_ups
 from services.detector.runtime.refinement.torch_refiner import TorchRefiner
-from services.detector.runtime.torch_engine import TorchEngine, on_torch_thread
+from services.detector.runtime.torch_engine import TorchEngine, on_a_thread_that_ends
 from services.detector.runtime.weights import Weights, device_of, keep_branch
 from services.detector.settings import DetectorSettings, not_installed
 
@@ -29,7 +29,7 @@ ONNX: Final = ("onnx", "onnxruntime")
 """Packages with which masks are refined under ONNX Runtime on a processor: it takes less time than torch."""
 
 
-@on_torch_thread
+@on_a_thread_that_ends
 def running_weights(
     weights: Weights,
     settings: DetectorSettings,

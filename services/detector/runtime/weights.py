@@ -27,7 +27,7 @@ from services.detector.runtime.model_file import (
 )
 from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.torch_refiner import network_in
-from services.detector.runtime.torch_engine import on_torch_thread
+from services.detector.runtime.torch_engine import on_a_thread_that_ends
 from services.detector.settings import WEIGHTS_SUFFIX, is_weights
 
 NEEDED: Final = "torch 2.6 and Ultralytics 8.4.175"
@@ -48,7 +48,7 @@ class Weights(ModelFile):
     refiner: RefinerNetwork | None
 
 
-@on_torch_thread
+@on_a_thread_that_ends
 def load_weights(
     model: str, option: str = "--model", *, refine: bool = True, nms: bool | None = None, download: bool = False
 ) -> Weights:

@@ -71,7 +71,7 @@ class ModelSettings(BusSettings):
         Path | None,
         Field(
             description="folder of pictures (.jpg, .jpeg, .png; 164 at least, like those of the cameras): export INT8"
-            " networks too, calibrated on some of them, if 99 in 100 of the others get the same classes"
+            " networks too, calibrated on some of them, if they find nearly the same in the others"
         ),
     ] = None
     json_: Annotated[bool, Field(alias="json", description="list as one JSON object")] = False

@@ -206,14 +206,17 @@ class Podman:
 def remove_abandoned() -> None:
     """Remove what the podmans of processes that ended without closing them left: containers, networks and files."""
     for folder in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
-        with suppress(FileNotFoundError, BlockingIOError), (folder / OWNER).open(encoding="utf-8") as owner:
+        with suppress(OSError), (folder / OWNER).open(encoding="utf-8") as owner:
             fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            _remove(folder)
+            if folder.stat().st_uid == os.geteuid():
+                _remove(folder)
 
 
 def _remove(folder: Path) -> None:
-    reset = ["podman", "system", "reset", "--force"]
-    subprocess.run(reset, capture_output=True, check=False, env={**os.environ, **_environment(folder)})
+    if all(Path(each).is_file() for each in _environment(folder).values()):  # else the machine's own would be reset
+        reset = ["podman", "system", "reset", "--force"]
+        environment = {**os.environ, **_environment(folder)}
+        subprocess.run(reset, capture_output=True, check=False, env=environment, timeout=DEADLINE_S)
     overlay = folder / "store" / "overlay"
     if overlay.is_mount():
         checked("umount", overlay)

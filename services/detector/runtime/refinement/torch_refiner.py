@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from services.detector.runtime.refinement.network import RefinerNetwork
 from services.detector.runtime.refinement.refiner import CloseUps, Floats, Refined, refined
-from services.detector.runtime.torch_engine import on_torch_thread
 
 KEY: Final = "mask_refiner"
 """Of the network's tensors in a checkpoint; Ultralytics reads only the keys that it knows."""
@@ -26,7 +25,6 @@ class TorchRefiner:
         """See `Refiner.run`."""
         return refined(seen, self._compute)
 
-    @on_torch_thread
     def _compute(self, given: list[NDArray[Any]]) -> tuple[Floats, Floats]:
         with torch.inference_mode():
             odds, qualities = self._network(*(torch.from_numpy(each).to(self._device) for each in given))

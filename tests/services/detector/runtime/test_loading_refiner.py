@@ -70,26 +70,29 @@ def test_a_refiner_that_does_not_work_under_a_runtime_works_under_torch(
     assert all(each.mask is not None and each.mask.quality is not None for each in objects_in(model))
 
 
-def test_torch_computes_on_one_thread_whoever_asks(model_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its helper threads sleep at every barrier as soon as two threads of a process have computed."""
+def test_torch_leaves_no_helpers_on_threads_that_load_a_model(
+    model_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its threads sleep at every barrier as soon as two threads that live have computed."""
     import torch  # noqa: PLC0415 - as above
 
-    threads: set[str] = set()
+    computed: set[threading.Thread] = set()
     convolve = torch.nn.functional.conv2d
 
     def noted(*given: Any, **options: Any) -> Any:
-        threads.add(threading.current_thread().name)
+        computed.add(threading.current_thread())
         return convolve(*given, **options)
 
     monkeypatch.setattr(torch.nn.functional, "conv2d", noted)
     monkeypatch.setattr("services.detector.runtime.torch_loading.not_installed", lambda _: ["onnx"])
-    models = [load(settings(model_folder, runtime="torch"), model_folder / "ultralytics") for _ in range(2)]
-    asking = [threading.Thread(target=objects_in, args=(model,)) for model in models]
-    for each in asking:
-        each.start()
-    for each in asking:
-        each.join()
-    assert threads == {"torch_0"}
+    model = load(settings(model_folder, runtime="torch"), model_folder / "ultralytics")
+    assert computed
+    assert not any(each.is_alive() for each in computed)
+    computed.clear()
+    (outcome,) = model.run([Request(CameraKey("r1", "front"), frame_of(near_view()), masks=True)])
+    assert isinstance(outcome, DetectedObjects)
+    assert len(computed) == 1
+    model.close()
 
 
 def test_on_a_gpu_masks_are_refined_there(monkeypatch: pytest.MonkeyPatch) -> None:

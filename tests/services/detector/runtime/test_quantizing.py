@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,6 +17,7 @@ from services.detector.runtime import quantizing
 from services.detector.runtime.exported_model import read_exported
 from services.detector.runtime.loading import load
 from services.detector.runtime.quantizing import CALIBRATING, LEAST_COMPARING, Quantizer
+from services.detector.runtime.refinement.refiner import CloseUps, Refined
 from services.detector.settings import SHIPPED_EXPORT, SHIPPED_MODEL, DetectorSettings
 from tests.services.detector.support.views import NEAR_VIEWS, near_view
 
@@ -97,7 +99,7 @@ def test_networks_that_find_too_much_else_are_refused(pictures: list[Path]) -> N
     cv2.imwrite(str(black), np.zeros((240, 320, 3), np.uint8))
     made = quantizer(pictures[:4])
     made._calibrating = [black]
-    with pytest.raises(ModelError, match=r"--int8: (of \d+|boxes of)[^;]+; give more pictures like .*without --int8"):
+    with pytest.raises(ModelError, match=r"--int8: of 2 pictures|--int8: boxes of the same"):
         made(SHIPPED_EXPORT.read_bytes(), None)
 
 
@@ -124,3 +126,25 @@ def test_a_library_that_does_not_work_is_said_before_anything_is_calibrated(
     with pytest.raises(ModelError, match="--int8: the networks cannot be made or compared: import of services"):
         made(SHIPPED_EXPORT.read_bytes(), None)
     assert told == []
+
+
+class BrokenRefiner:
+    """Is none."""
+
+    def run(self, _: CloseUps) -> Refined:
+        """See `Refiner.run`."""
+        raise RuntimeError("no such operator")
+
+
+@pytest.mark.usefixtures("few")
+def test_a_refiner_that_fails_in_int8_is_no_refiner(pictures: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    model = read_exported(str(SHIPPED_EXPORT))
+    assert model.int8 is not None
+    network, runtimes = model.int8.network, quantizing._runtime()
+    broken = replace(runtimes, refiner=lambda _: BrokenRefiner())
+    monkeypatch.setattr(quantizing, "_runtime", lambda: broken)
+    monkeypatch.setattr(quantizing, "_int8", lambda *_: network)
+    with pytest.raises(
+        ModelError, match=r"--int8: \S+ leaves masks coarse where refining them fails: no such operator"
+    ):
+        quantizer(pictures[:4])(SHIPPED_EXPORT.read_bytes(), model.refiner)
