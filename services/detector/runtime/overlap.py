@@ -117,7 +117,7 @@ class Comparison:
         self.pictures += 1
         self.seen += bool(ours)
         self.equal += {each.name for each in ours} == {each.name for each in theirs}
-        same = np.equal.outer([each.name for each in ours], [each.name for each in theirs])
+        same = np.equal.outer(*(np.array([each.name for each in found], np.str_) for found in (ours, theirs)))
         overlaps = ious(boxes_of(ours), boxes_of(theirs)) * same
         for found, others in ((ours, overlaps), (theirs, overlaps.T)):
             both = [others[n].max(initial=0) >= SAME for n, each in enumerate(found) if each.score >= CLEAR]
