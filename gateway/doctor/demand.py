@@ -4,6 +4,8 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
+import msgspec
+
 from gateway.doctor.evidence import Evidence, GatewayReport, StreamLook
 from gateway.doctor.finding import Finding, Stage, fine, note, problem
 from gateway.node_names import is_gateway
@@ -72,7 +74,9 @@ def check_demand(evidence: Evidence) -> Iterator[Finding]:
                 "it was started with other options: restart it with the doctor's, or give the doctor the gateway's",
             )
         else:
-            yield from _check_stream(stream, account, before or now, now)
+            if before is None:  # it began since the first status
+                before = msgspec.structs.replace(now, received=0, forwarded=0)
+            yield from _check_stream(stream, account, before, now)
 
 
 def check_recorders(evidence: Evidence) -> Iterator[Finding]:
@@ -121,11 +125,11 @@ def _check_stream(
             "what was left out, and why, is listed next",
         )
     else:
-        yield _nothing_came(stream, now)
+        yield _nothing_came(stream, account, now)
     yield from _drops(stream, now)
 
 
-def _nothing_came(stream: StreamLook, now: StreamStatus) -> Finding:
+def _nothing_came(stream: StreamLook, account: GatewayReport, now: StreamStatus) -> Finding:
     if not now.publishers:
         failures = ", ".join(f"{reason} {count} times" for reason, count in now.broken_links.items())
         return problem(
@@ -134,7 +138,7 @@ def _nothing_came(stream: StreamLook, now: StreamStatus) -> Finding:
             f"wanted, but the gateway has no connection to a publisher{f' ({failures})' if failures else ''}",
             _link_advice(now),
         )
-    if stream.heard.rate_hz is not None:
+    if stream.heard.rate_hz is not None and account.count > 1:
         return problem(
             Stage.DEMAND,
             stream.name,

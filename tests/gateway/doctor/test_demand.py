@@ -43,6 +43,13 @@ def test_one_account_knows_no_rate() -> None:
     assert (finding.severity, finding.what) == (Severity.OK, "wanted; 9 messages so far, none just now")
 
 
+def test_one_account_of_a_stream_that_is_published_is_no_problem() -> None:
+    once = status(counted(**WANTED, received=1, forwarded=1))
+    bus = BusLook((Router("tcp/a:1"),), frozenset({"r1"}), (account(once, once, count=1),))
+    (finding,) = check_demand(evidence(color(), bus=bus))
+    assert (finding.severity, finding.what) == (Severity.OK, "wanted; 1 messages so far, none just now")
+
+
 def test_wanted_but_nothing_gets_through() -> None:
     after = counted(**WANTED, received=20, dropped={MALFORMED: 20})
     problem, note = said(counted(**WANTED), after)
@@ -119,9 +126,9 @@ def test_a_stream_that_the_running_gateway_takes_from_elsewhere() -> None:
 
 
 def test_a_stream_that_is_new_since_the_first_account() -> None:
-    bus = BusLook((), frozenset(), (account(status(), status(counted(**WANTED, forwarded=3, received=3))),))
-    (finding,) = check_demand(evidence(SILENT, bus=bus))
-    assert finding.what == "wanted; 3 messages so far, none just now"
+    now = status(counted(**WANTED, forwarded=4, received=4), sent_s=2)
+    (finding,) = check_demand(evidence(color(), bus=BusLook((), frozenset(), (account(status(), now),))))
+    assert (finding.severity, finding.what) == (Severity.OK, "wanted, and flowing at 2.0 messages/s")
 
 
 def test_without_a_gateway_nothing_is_known() -> None:
