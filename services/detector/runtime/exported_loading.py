@@ -35,11 +35,12 @@ def running_export(
     Raises:
         ModelError: no runtime works here, or not the requested one.
     """
-    on_processor = settings.runtime in ON_PROCESSORS or model.file.suffix.lower() != ONNX_SUFFIX
-    if settings.runtime in ON_PROCESSORS and (settings.device or "cpu").strip().lower() != "cpu":
+    under_openvino = settings.runtime in ON_PROCESSORS
+    if under_openvino and (settings.device or "cpu").strip().lower() != "cpu":
         raise ModelError(
             f"--device {settings.device}: --runtime {settings.runtime} computes on the processor; leave --device out"
         )
+    on_processor = under_openvino or model.file.suffix.lower() != ONNX_SUFFIX
     gpu = _gpu("cpu" if on_processor and settings.device is None else settings.device)
     threads = settings.inference_threads
     candidates = _candidates(model, settings, gpu)

@@ -230,7 +230,7 @@ def _ready(
     )
     cv2.setNumThreads(1)  # what it would share among threads is smaller than the sharing
     try:
-        blank = np.zeros((1, *facts.letterbox(480, 640).shape, 3), np.uint8)
+        blank = facts.blank()
         running = _running(file, settings, longest, folder, blank, refine=refiner is None)
         return Pipeline(
             replace(facts, runtime=running.runtime),

@@ -89,6 +89,10 @@ class Facts:
         stretched = self.head == "rt-detr"
         return Letterbox.fit(height, width, self.longest, self.stride, stretched=stretched, fixed=self.fixed)
 
+    def blank(self) -> NDArray[np.uint8]:
+        """Return an empty image of 640 x 480 in the model's input, 1 x height x width x RGB; see `prove`."""
+        return np.zeros((1, *self.letterbox(480, 640).shape, 3), np.uint8)
+
 
 @dataclass(frozen=True, slots=True)
 class _Prepared:

@@ -107,8 +107,7 @@ class Quantizer:
         return Int8Networks(made, refines)
 
     def _model(self, engine: Engine, refiner: Refiner | None) -> Pipeline:
-        blank = np.zeros((1, *self._facts.letterbox(480, 640).shape, 3), np.uint8)
-        return Pipeline(self._facts, engine, self._criteria, blank=blank, refiner=refiner)
+        return Pipeline(self._facts, engine, self._criteria, blank=self._facts.blank(), refiner=refiner)
 
     def _compare(self, single: Pipeline, int8: Pipeline) -> None:
         """Raise ModelError if INT8 finds too much else in the pictures that did not calibrate it."""
