@@ -80,6 +80,11 @@ class ExportedModel(ModelFile):
     refiner: bytes | None
     int8: Int8Networks | None = None
 
+    @property
+    def has_int8(self) -> bool:
+        """See `ModelFile.has_int8`."""
+        return self.int8 is not None
+
 
 class _ExportError(ValueError):
     """The file cannot be used; the message says why."""

@@ -66,11 +66,10 @@ def _as_before(settings: DetectorSettings, file: ModelFile, runtime: str | None)
     """Return the settings with which a model runs as an earlier one did; see `load_all`."""
     if runtime is None:
         return settings
-    exported = isinstance(file, ExportedModel)
-    if runtime == INT8 and not (isinstance(file, ExportedModel) and file.int8 is not None):
+    if runtime == INT8 and not file.has_int8:
         runtime = "openvino"
-    if exported and runtime in OF_WEIGHTS:
-        runtime = UNMEASURED[exported]
+    if runtime in OF_WEIGHTS and isinstance(file, ExportedModel):
+        runtime = UNMEASURED[True]
     return settings.model_copy(update={"runtime": runtime})
 
 

@@ -103,6 +103,11 @@ class ModelFile:
     head: Head = "nms"
     agnostic: bool = False
 
+    @property
+    def has_int8(self) -> bool:
+        """Whether it contains its networks in INT8, too; weights never do."""
+        return False
+
 
 class NamesError(ValueError):
     """The names of a model's classes are unusable; the message says why."""

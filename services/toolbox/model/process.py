@@ -97,7 +97,7 @@ def _described(file: Path, name: str) -> PublishedModel:
     form: Literal["onnx", "pt"] = "onnx" if is_exported(str(file)) else "pt"
     if form == "onnx":
         _try(file, "onnx")
-        if _has_int8(weights) and not not_installed(["openvino"]):
+        if weights.has_int8 and not not_installed(["openvino"]):
             _try(file, "openvino-int8")
     names = list(dict.fromkeys(weights.names.values()))
     about = f"{weights.task.title} of {', '.join(names)}"[:MAX_LABEL]
@@ -126,12 +126,6 @@ def _read(file: Path, option: str) -> "ModelFile":
 
     with _own_errors() as folder:
         return read_model(str(file), folder, option)
-
-
-def _has_int8(model: "ModelFile") -> bool:
-    from services.detector.runtime.exported_model import ExportedModel  # noqa: PLC0415 - as above
-
-    return isinstance(model, ExportedModel) and model.int8 is not None
 
 
 def _try(file: Path, runtime: str) -> None:
